@@ -1,0 +1,38 @@
+/*
+ * Memory: every allocation of the library goes through here, so that it is counted against the
+ * budget, checked for overflow, and can be made to fail by a test.
+ *
+ * Blocks are not zeroed unless said. `size` of every block is given back at release, so no header
+ * is kept in front of it: a block of many pages starts on a page of its own and can be handed to
+ * madvise. (Blocks of 1 MiB and more are anonymous maps, given back to the system at once.)
+ */
+#ifndef SPBM_BASE_MEMORY_H
+#define SPBM_BASE_MEMORY_H
+
+#include "report.h"
+
+/* `count` * `size` bytes in *out. count or size 0 gives a valid non-NULL pointer that must be
+ * released with the same count and size. STATUS_NO_MEMORY when the product overflows, the budget
+ * would be passed, or the system refuses; *out is NULL then. */
+enum status memory_take(struct context *ctx, size_t count, size_t size, void *out) MUST_CHECK;
+enum status memory_take_zeroed(struct context *ctx, size_t count, size_t size,
+                               void *out) MUST_CHECK;
+
+/* Grows (or shrinks) the block *inout from old_count to new_count elements; on failure the block
+ * is untouched. *inout may be NULL with old_count 0. */
+enum status memory_resize(struct context *ctx, void *inout, size_t old_count, size_t new_count,
+                          size_t size) MUST_CHECK;
+
+/* Releases *inout (which may be NULL) and sets it to NULL. */
+void memory_release(struct context *ctx, void *inout, size_t count, size_t size);
+
+/* For vectors: makes room for `needed` elements, growing by half at least, capacity in *capacity.
+ */
+enum status memory_reserve(struct context *ctx, void *inout, size_t *capacity, size_t needed,
+                           size_t size) MUST_CHECK;
+
+/* True once in a job when fault injection has reached its count: guarded system calls (write,
+ * fsync, mmap, rename, ...) ask this first and behave as if the system had refused. */
+bool fault_due(struct context *ctx);
+
+#endif

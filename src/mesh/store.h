@@ -1,0 +1,133 @@
+/*
+ * The mesh store: one file, mapped read-only, that holds a clean manifold mesh in an order local in
+ * space, cut into slabs of SLAB_FACES faces. store_format.md describes the bytes; mesh.h the
+ * invariants. A reader asks for one slab at a time and gets everything it needs in one view.
+ */
+#ifndef SPBM_MESH_STORE_H
+#define SPBM_MESH_STORE_H
+
+#include "base/section_file.h"
+#include "mesh/mesh.h"
+
+enum { SLAB_SHIFT = 18, SLAB_FACES = 1 << SLAB_SHIFT };
+
+/* What import dropped and mended; kept in the store. All are counts. */
+struct cleaning {
+    uint64_t input_vertices;
+    uint64_t input_faces;            /* as the file has them, before triangulation */
+    uint64_t triangulated_faces;     /* triangles that polygons gave (0 when all were triangles) */
+    uint64_t welded_vertices;        /* vertices that coincided with another and were merged */
+    uint64_t unreferenced_vertices;  /* dropped */
+    uint64_t degenerate_faces;       /* a repeated index; dropped */
+    uint64_t duplicate_faces;        /* the same three vertices as an earlier face; dropped */
+    uint64_t nonmanifold_edges;      /* edges of more than two faces, separated */
+    uint64_t nonmanifold_vertices;   /* vertices whose faces form several fans, separated */
+    uint64_t vertices_added;         /* copies that the separating made */
+    uint64_t flipped_faces;          /* turned round to agree with their component */
+    uint64_t cut_edges;              /* edges cut because the surface is not orientable */
+    uint64_t nonorientable_components;
+    uint64_t zero_area_faces;        /* kept */
+    uint64_t hilbert_ordered;        /* 1 when the faces were put in Hilbert order */
+};
+
+/* Topology of the store's mesh: what every level must have too. */
+struct topology {
+    uint64_t vertices;
+    uint64_t edges;
+    uint64_t faces;
+    uint64_t border_edges;
+    uint64_t border_loops;
+    uint64_t components;
+    int64_t euler;  /* V - E + F */
+    uint64_t floor; /* fewest faces the topology allows, DESIGN.md */
+};
+
+struct store_info {
+    struct cleaning cleaning;
+    struct topology topology;
+    struct attributes attributes;
+    double origin[3];   /* positions are origin + float32 */
+    double box_low[3];  /* bounding box, absolute */
+    double box_high[3];
+    bool is_float32;    /* all coordinates are float32 and the origin is 0 */
+    double mean_edge;   /* mean length of all edges */
+    double noise;       /* estimate: RMS distance of a vertex from its neighbours' mean plane, divided by
+                           mean_edge; made in a fixed order */
+    double area;        /* of all faces, summed slab by slab */
+    uint32_t slab_count;
+    uint32_t slab_shift;   /* SLAB_SHIFT in all stores but those of tests */
+    uint32_t input_digest; /* CRC-32 of the inputs' raw bytes */
+    uint64_t input_size;   /* bytes of all inputs */
+    char input_name[256];  /* base name of the first input, cut to fit; never shapes an output */
+    bool welded;           /* the option */
+};
+
+/*
+ * One slab. Faces refer to vertices by their global number; vertices in [vertex_first, vertex_end)
+ * are the slab's own (first used here), all others that it uses are in `foreign`, ascending, each
+ * with a copy of its position, so that no other slab's pages are needed.
+ * Neighbours: neighbours[3f+k] is the face over edge k of the slab's face f (global), NO_INDEX at the
+ * border; mates[f] holds in bits 2k, 2k+1 which edge of that neighbour it is.
+ */
+struct slab {
+    uint32_t index;
+    uint32_t face_first; /* global number of the slab's first face */
+    uint32_t face_count;
+    uint32_t vertex_first;
+    uint32_t vertex_end;
+    uint32_t foreign_count;
+    const uint32_t *faces;           /* 3 a face, global vertex numbers */
+    const uint32_t *neighbours;      /* 3 a face */
+    const uint8_t *mates;            /* 1 a face */
+    const float *positions;          /* 3 a vertex of its own, relative to the origin */
+    const uint32_t *foreign;         /* vertex numbers, ascending */
+    const float *foreign_positions;  /* 3 each */
+    const unsigned char *records;    /* attributes.stride bytes a vertex of its own, or NULL */
+    struct window windows[6];        /* private: what is mapped */
+};
+
+struct store; /* opened for reading; may be shared by threads */
+
+/* Opens and checks header, table and slab table; contents are checked by slab (CRC before use when
+ * `verify`), by store_check whole. */
+enum status store_open(struct context *ctx, const char *path, bool verify, struct store **out)
+    MUST_CHECK;
+void store_close(struct store **store);
+const struct store_info *store_info(const struct store *store);
+
+enum status slab_open(struct store *store, uint32_t index, struct slab *slab) MUST_CHECK;
+void slab_close(struct slab *slab); /* unmaps it; safe when all zero */
+
+/* Position of any vertex that the slab uses. `foreign_records` are not kept in a slab: use
+ * store_record for a foreign vertex's attributes. */
+const float *slab_position(const struct slab *slab, uint32_t vertex);
+/* Reads the attribute record of any vertex into `record` (stride bytes). */
+enum status store_record(struct store *store, uint32_t vertex, unsigned char *record) MUST_CHECK;
+
+/* Full verification: every CRC, padding, M1 to M5, adjacency, slab tables, counts, topology.
+ * STATUS_BAD_INPUT with the first thing that is wrong. */
+enum status store_check(struct context *ctx, const char *path) MUST_CHECK;
+
+/* The whole store in memory (for small meshes, tests and the picture). */
+enum status store_load(struct store *store, struct mesh *mesh) MUST_CHECK;
+
+/* Writes the store's mesh as a mesh file, streamed (spbm export). */
+struct export_options;
+enum status store_export(struct store *store, const char *path,
+                         const struct export_options *options) MUST_CHECK;
+
+/* ---- STAGE 1 ---- */
+
+struct import_options {
+    bool weld;          /* merge coincident vertices of indexed inputs too */
+    bool sync;          /* fsync the store */
+    unsigned slab_shift; /* for tests: slabs of 2^slab_shift faces, 2 to SLAB_SHIFT; 0: SLAB_SHIFT */
+};
+
+/* Builds the store from the inputs, which together are one mesh. *info (may be NULL) tells what was
+ * done. Nothing is left behind on failure. */
+enum status store_build(struct context *ctx, const char *const *inputs, size_t input_count,
+                        const char *store_path, const struct import_options *options,
+                        struct store_info *info) MUST_CHECK;
+
+#endif

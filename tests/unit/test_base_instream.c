@@ -1,0 +1,320 @@
+/* The same bytes whatever carries them: file, pipe one byte at a time, gzip of one or many members;
+ * and words for every kind of damage. */
+#include "test_kit.h"
+
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+#include <zlib.h>
+
+#include "base/checksum.h"
+#include "base/instream.h"
+#include "base/memory.h"
+#include "test_files.h"
+
+struct place {
+    struct context ctx;
+    char folder[TEST_PATH];
+    char path[TEST_PATH];
+    int warnings;
+};
+
+static void count_warning(void *user, enum message_level level, const char *text)
+{
+    (void)text;
+    ((struct place *)user)->warnings += level == MESSAGE_WARNING;
+}
+
+static int set_up(void **state)
+{
+    struct place *place = calloc(1, sizeof *place);
+    context_init(&place->ctx);
+    place->ctx.message = count_warning;
+    place->ctx.user = place;
+    folder_make(place->folder);
+    folder_path(place->path, place->folder, "in");
+    *state = place;
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    struct place *place = *state;
+    uint64_t left = place->ctx.memory_now;
+    folder_remove(place->folder);
+    context_clear(&place->ctx);
+    free(place);
+    return left == 0 ? 0 : -1;
+}
+
+/* Text that gzip makes about a third of. */
+static unsigned char *pattern(size_t size)
+{
+    unsigned char *data = malloc(size + 1);
+    uint32_t seed = 7;
+    for (size_t i = 0; i < size; i++) {
+        seed = seed * 1664525 + 1013904223;
+        data[i] = (unsigned char)"0123456789 .-\nev"[seed >> 28];
+    }
+    return data;
+}
+
+/* Appends one gzip member to `to`; returns its size. */
+static size_t pack(const unsigned char *data, size_t size, unsigned char *to, size_t room)
+{
+    z_stream zlib = {0};
+    assert_int_equal(deflateInit2(&zlib, 6, Z_DEFLATED, MAX_WBITS + 16, 8, Z_DEFAULT_STRATEGY),
+                     Z_OK);
+    zlib.next_in = (unsigned char *)data;
+    zlib.avail_in = (uInt)size;
+    zlib.next_out = to;
+    zlib.avail_out = (uInt)room;
+    assert_int_equal(deflate(&zlib, Z_FINISH), Z_STREAM_END);
+    size_t made = room - zlib.avail_out;
+    deflateEnd(&zlib);
+    return made;
+}
+
+/* Reads all of a stream, taking `take` bytes at a time after peeking at `peek`. */
+static void read_all(struct instream *stream, const unsigned char *data, size_t size, size_t peek,
+                     size_t take)
+{
+    size_t seen = 0;
+    for (;;) {
+        const unsigned char *visible;
+        size_t available;
+        assert_int_equal(instream_peek(stream, peek, &visible, &available), STATUS_OK);
+        assert_true(available <= size - seen);
+        if (available < peek)
+            assert_int_equal(available, size - seen);
+        if (memcmp(visible, data + seen, available) != 0)
+            fail_msg("wrong bytes after %zu", seen);
+        assert_int_equal(instream_position(stream), seen);
+        if (available == 0)
+            break;
+        size_t now = take < available ? take : available;
+        instream_take(stream, now);
+        seen += now;
+    }
+    assert_int_equal(seen, size);
+}
+
+static void expect_bytes(struct place *place, const char *path, const unsigned char *data,
+                         size_t size)
+{
+    static const size_t ways[][2] = {{1, SIZE_MAX}, {1, 100003}, {2000000, 70000},
+                                     {100, 99},     {5, 300000}, {1100000, 1050000}};
+    for (size_t w = 0; w < sizeof ways / sizeof ways[0]; w++) {
+        struct instream *stream;
+        if (ways[w][1] < 1000 && size > 1000000)
+            continue;
+        assert_int_equal(instream_open(&place->ctx, path, &stream), STATUS_OK);
+        read_all(stream, data, size, ways[w][0], ways[w][1]);
+        size_t raw_size;
+        unsigned char *raw = file_read(path, &raw_size);
+        assert_int_equal(instream_raw_size(stream), raw_size);
+        assert_int_equal(instream_digest(stream), checksum(0, raw, raw_size));
+        assert_string_equal(instream_name(stream), path);
+        free(raw);
+        instream_close(&stream);
+        assert_null(stream);
+        assert_int_equal(place->ctx.memory_now, 0);
+    }
+}
+
+static void plain_files_arrive(void **state)
+{
+    struct place *place = *state;
+    static const size_t sizes[] = {0, 1, 2, 1000, 1 << 20, (1 << 20) + 65536, 3500000};
+    for (size_t s = 0; s < sizeof sizes / sizeof sizes[0]; s++) {
+        unsigned char *data = pattern(sizes[s]);
+        file_write(place->path, data, sizes[s]);
+        expect_bytes(place, place->path, data, sizes[s]);
+        free(data);
+    }
+}
+
+static void gzip_members_are_joined(void **state)
+{
+    struct place *place = *state;
+    size_t size = 3000000, room = 4000000;
+    unsigned char *data = pattern(size);
+    unsigned char *packed = malloc(room);
+    /* Cuts: none; an empty member in the middle; many small ones at the start. */
+    static const size_t cuts[][4] = {
+        {3000000, 0, 0, 0}, {1000000, 0, 2000000, 0}, {1, 2, 3, 2999994}};
+    for (size_t c = 0; c < 3; c++) {
+        size_t used = 0, taken = 0;
+        for (int m = 0; m < 4; m++) {
+            used += pack(data + taken, cuts[c][m], packed + used, room - used);
+            taken += cuts[c][m];
+        }
+        assert_int_equal(taken, size);
+        file_write(place->path, packed, used);
+        expect_bytes(place, place->path, data, size);
+
+        /* Zeros behind are padding; other bytes get a warning. Both are read to the end. */
+        memset(packed + used, 0, 1000);
+        file_write(place->path, packed, used + 1000);
+        place->warnings = 0;
+        expect_bytes(place, place->path, data, size);
+        assert_int_equal(place->warnings, 0);
+        packed[used + 999] = 0x1f;
+        file_write(place->path, packed, used + 1000);
+        expect_bytes(place, place->path, data, size);
+        assert_true(place->warnings > 0);
+        place->warnings = 0;
+        packed[used] = 0x1f; /* the first byte of a member that never was */
+        file_write(place->path, packed, used + 1);
+        expect_bytes(place, place->path, data, size);
+        assert_true(place->warnings > 0);
+    }
+    free(packed);
+    free(data);
+}
+
+/* Standard input is a pipe that gives one byte a read. */
+static void drip(const unsigned char *data, size_t size, int pipe_end)
+{
+    for (size_t i = 0; i < size; i++)
+        if (write(pipe_end, data + i, 1) != 1)
+            _exit(1);
+    _exit(0);
+}
+
+static void pipes_may_give_one_byte_at_a_time(void **state)
+{
+    struct place *place = *state;
+    size_t size = 20000;
+    unsigned char *data = pattern(size);
+    unsigned char *packed = malloc(size + 1000);
+    size_t used = pack(data, 7000, packed, size);
+    used += pack(data + 7000, size - 7000, packed + used, size);
+    int before = dup(STDIN_FILENO);
+    for (int gzip = 0; gzip < 2; gzip++) {
+        int ends[2];
+        /* O_DIRECT: a packet a write, so that no two bytes come in one read. */
+        assert_int_equal(pipe2(ends, O_DIRECT), 0);
+        pid_t child = fork();
+        if (child == 0) {
+            close(ends[0]);
+            drip(gzip ? packed : data, gzip ? used : size, ends[1]);
+        }
+        close(ends[1]);
+        dup2(ends[0], STDIN_FILENO);
+        close(ends[0]);
+        struct instream *stream;
+        assert_int_equal(instream_open(&place->ctx, "-", &stream), STATUS_OK);
+        assert_string_equal(instream_name(stream), "standard input");
+        assert_int_equal(instream_is_gzip(stream), gzip);
+        read_all(stream, data, size, 37, 29);
+        assert_int_equal(instream_raw_size(stream), gzip ? used : size);
+        assert_int_equal(instream_digest(stream),
+                         gzip ? checksum(0, packed, used) : checksum(0, data, size));
+        instream_close(&stream);
+        int how;
+        assert_int_equal(waitpid(child, &how, 0), child);
+        assert_int_equal(how, 0);
+        dup2(before, STDIN_FILENO);
+    }
+    close(before);
+    free(packed);
+    free(data);
+}
+
+/* Reads to the end or the first failure. */
+static enum status drain(struct context *ctx, const char *path)
+{
+    struct instream *stream;
+    enum status status = instream_open(ctx, path, &stream);
+    const unsigned char *data;
+    size_t available = 1;
+    while (status == STATUS_OK && available > 0) {
+        status = instream_peek(stream, 1, &data, &available);
+        if (status == STATUS_OK)
+            instream_take(stream, available);
+    }
+    instream_close(&stream);
+    return status;
+}
+
+static void damaged_gzip_is_refused(void **state)
+{
+    struct place *place = *state;
+    size_t size = 3000;
+    unsigned char *data = pattern(size);
+    unsigned char packed[4000];
+    size_t used = pack(data, size, packed, sizeof packed);
+    for (size_t cut = 2; cut < used; cut++) {
+        struct context ctx;
+        context_init(&ctx);
+        file_write(place->path, packed, cut);
+        assert_int_equal(drain(&ctx, place->path), STATUS_BAD_INPUT);
+        assert_non_null(strstr(ctx.error, "cut off"));
+        assert_int_equal(ctx.memory_now, 0);
+        context_clear(&ctx);
+    }
+    /* Any flipped bit behind the header's free fields shows: by deflate's rules, CRC or length. */
+    for (size_t at = 10; at < used; at++) {
+        struct context ctx;
+        context_init(&ctx);
+        packed[at] ^= (unsigned char)(1 << at % 8);
+        file_write(place->path, packed, used);
+        assert_int_equal(drain(&ctx, place->path), STATUS_BAD_INPUT);
+        packed[at] ^= (unsigned char)(1 << at % 8);
+        assert_int_equal(ctx.memory_now, 0);
+        context_clear(&ctx);
+    }
+    free(data);
+}
+
+static void what_cannot_be_read_has_words(void **state)
+{
+    struct place *place = *state;
+    struct context ctx;
+    struct instream *stream;
+    context_init(&ctx);
+    assert_int_equal(instream_open(&ctx, place->folder, &stream), STATUS_BAD_INPUT);
+    assert_null(stream);
+    assert_non_null(strstr(ctx.error, "is a directory"));
+    assert_int_equal(instream_open(&ctx, place->path, &stream), STATUS_IO);
+    context_clear(&ctx);
+
+    context_init(&ctx);
+    file_write(place->path, "\x1f\x8b\x07........", 11);
+    assert_int_equal(instream_open(&ctx, place->path, &stream), STATUS_BAD_INPUT);
+    assert_non_null(strstr(ctx.error, "damaged gzip"));
+    context_clear(&ctx);
+
+    context_init(&ctx);
+    file_write(place->path, "abc", 3);
+    assert_int_equal(instream_open(&ctx, place->path, &stream), STATUS_OK);
+    const unsigned char *data;
+    size_t available;
+    assert_int_equal(instream_peek(stream, 64 << 20, &data, &available), STATUS_OK);
+    assert_int_equal(available, 3);
+    /* The claim alone has cost nothing. */
+    assert_true(ctx.memory_peak < 3 << 20);
+    assert_int_equal(instream_peek(stream, (64 << 20) + 1, &data, &available), STATUS_BAD_INPUT);
+    assert_non_null(strstr(ctx.error, "64 MiB"));
+    instream_close(&stream);
+    instream_close(&stream);
+    assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(plain_files_arrive),
+        TEST(gzip_members_are_joined),
+        TEST(pipes_may_give_one_byte_at_a_time),
+        TEST(damaged_gzip_is_refused),
+        TEST(what_cannot_be_read_has_words),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
