@@ -1,0 +1,402 @@
+/*
+ * The tree is packed: a range of triangles is halved at a multiple of the subtree size (a power of
+ * eight) nearest its middle, along the axis in which the triangles' centres spread most, until
+ * eight are left. All places but the last of a level are full, so children need no pointers, and a
+ * node is 24 bytes a child. Surface-area heuristics give trees that are a little better to search
+ * and much slower to build; here most trees are over pieces of the original that few samples ask
+ * about.
+ *
+ * White & Jain, "Similarity indexing: algorithms and performance" (1996) split R-trees this way
+ * (VAMSplit); the search by depth with the nearest child first is that of Roussopoulos et al.,
+ * "Nearest neighbor queries" (1995).
+ *
+ * Boxes are float32. What rounding could do is made harmless in two places: boxes are widened by
+ * 2^-21 of the whole extent, and the point that asks stands for a small box of its own, so that a
+ * box is never found farther than its triangles are.
+ */
+#include "geom/bvh.h"
+
+#include <string.h>
+
+#include "base/memory.h"
+
+/* A triangle while the tree is built: the centre of its box, in box coordinates. */
+struct centre {
+    float at[3];
+    uint32_t triangle;
+};
+
+static const float box_slack = 0x1p-21f;
+
+/* ---- building ---- */
+
+static float centre_of(double a, double b, double c, double origin, double scale)
+{
+    double low = fmin(fmin(a, b), c), high = fmax(fmax(a, b), c);
+    return (float)(((low - origin) + (high - origin)) * 0.5 * scale);
+}
+
+static void choose_frame(struct bvh *bvh)
+{
+    struct vec3 low = {INFINITY, INFINITY, INFINITY}, high = {-INFINITY, -INFINITY, -INFINITY};
+    for (uint32_t i = 0; i < bvh->count; i++) {
+        struct triangle t = bvh_triangle(bvh, i);
+        low.x = fmin(low.x, fmin(fmin(t.a.x, t.b.x), t.c.x));
+        low.y = fmin(low.y, fmin(fmin(t.a.y, t.b.y), t.c.y));
+        low.z = fmin(low.z, fmin(fmin(t.a.z, t.b.z), t.c.z));
+        high.x = fmax(high.x, fmax(fmax(t.a.x, t.b.x), t.c.x));
+        high.y = fmax(high.y, fmax(fmax(t.a.y, t.b.y), t.c.y));
+        high.z = fmax(high.z, fmax(fmax(t.a.z, t.b.z), t.c.z));
+    }
+    /* Halves first: the sum of two large coordinates must not overflow. */
+    bvh->origin = vec3_add(vec3_scale(low, 0.5), vec3_scale(high, 0.5));
+    double extent = fmax(fmax(high.x * 0.5 - low.x * 0.5, high.y * 0.5 - low.y * 0.5),
+                         high.z * 0.5 - low.z * 0.5);
+    int exponent = 0;
+    if (extent > 0)
+        frexp(extent, &exponent);
+    /* Extents below 2^-500 are as good as a point. */
+    bvh->scale = ldexp(1, exponent < -500 ? 500 : -exponent);
+}
+
+static void swap_centres(struct centre *a, struct centre *b)
+{
+    struct centre c = *a;
+    *a = *b;
+    *b = c;
+}
+
+/* Orders centres[0, count) so that the `first` smallest along the axis come first (Hoare's
+ * selection; the pivot is the median of three at scattered places, so that no order of input that
+ * occurs makes it slow). */
+static void select_centres(struct centre *centres, size_t count, size_t first, unsigned axis)
+{
+    uint64_t state = count;
+    while (count > 1 && first > 0 && first < count) {
+        float pick[3];
+        for (unsigned k = 0; k < 3; k++) {
+            state = state * 6364136223846793005u + 1442695040888963407u;
+            pick[k] = centres[(state >> 33) % count].at[axis];
+        }
+        float small = pick[0] < pick[1] ? pick[0] : pick[1];
+        float large = pick[0] < pick[1] ? pick[1] : pick[0];
+        float pivot = pick[2] < small ? small : pick[2] > large ? large : pick[2];
+
+        size_t left = 0, right = count - 1;
+        for (;;) {
+            while (centres[left].at[axis] < pivot)
+                left++;
+            while (centres[right].at[axis] > pivot)
+                right--;
+            if (left >= right)
+                break;
+            swap_centres(&centres[left++], &centres[right--]);
+        }
+        /* [0, left) is not above the pivot, [left, count) not below it. */
+        if (left == 0)
+            left = 1; /* the pivot itself, which is the smallest, stands at 0 */
+        if (first == left)
+            return;
+        if (first < left) {
+            count = left;
+        } else {
+            centres += left;
+            count -= left;
+            first -= left;
+        }
+    }
+}
+
+static unsigned widest_axis(const struct centre *centres, size_t count)
+{
+    float low[3], high[3];
+    memcpy(low, centres[0].at, sizeof low);
+    memcpy(high, centres[0].at, sizeof high);
+    for (size_t i = 1; i < count; i++) {
+        for (unsigned k = 0; k < 3; k++) {
+            float at = centres[i].at[k];
+            low[k] = at < low[k] ? at : low[k];
+            high[k] = at > high[k] ? at : high[k];
+        }
+    }
+    unsigned axis = high[1] - low[1] > high[0] - low[0] ? 1 : 0;
+    return high[2] - low[2] > high[axis] - low[axis] ? 2 : axis;
+}
+
+/* Puts the triangles of a subtree in order. The depth is at most 3 calls a level. */
+static void split(struct centre *centres, size_t count)
+{
+    size_t unit = BVH_WIDTH;
+    while (unit * BVH_WIDTH < count)
+        unit *= BVH_WIDTH;
+    if (count <= BVH_WIDTH)
+        return;
+    size_t children = (count + unit - 1) / unit;
+    size_t first = children / 2 * unit;
+    select_centres(centres, count, first, widest_axis(centres, count));
+    split(centres, first);
+    split(centres + first, count - first);
+}
+
+/* The smallest float32 box coordinates that hold the value for certain: |value| <= 1, and a float
+ * near 1 is off by 2^-25 at most. */
+static void widen(double value, float *low, float *high)
+{
+    float below = (float)value - box_slack, above = (float)value + box_slack;
+    *low = below < *low ? below : *low;
+    *high = above > *high ? above : *high;
+}
+
+static void empty_node(struct bvh_node *node)
+{
+    for (unsigned k = 0; k < 3; k++) {
+        for (unsigned i = 0; i < BVH_WIDTH; i++) {
+            node->low[k][i] = INFINITY;
+            node->high[k][i] = -INFINITY;
+        }
+    }
+}
+
+static void bound_triangles(struct bvh *bvh)
+{
+    for (uint32_t i = 0; i < bvh->count; i++) {
+        struct bvh_node *node = &bvh->nodes[i / BVH_WIDTH];
+        unsigned place = i % BVH_WIDTH;
+        struct triangle t = bvh_triangle(bvh, bvh->order[i]);
+        const struct vec3 *corner[3] = {&t.a, &t.b, &t.c};
+        for (unsigned k = 0; k < 3; k++) {
+            struct vec3 at = vec3_scale(vec3_sub(*corner[k], bvh->origin), bvh->scale);
+            widen(at.x, &node->low[0][place], &node->high[0][place]);
+            widen(at.y, &node->low[1][place], &node->high[1][place]);
+            widen(at.z, &node->low[2][place], &node->high[2][place]);
+        }
+    }
+}
+
+static void bound_level(struct bvh *bvh, uint32_t level)
+{
+    uint32_t first = bvh->level_first[level], below = bvh->level_first[level - 1];
+    for (uint32_t child = below; child < first; child++) {
+        struct bvh_node *node = &bvh->nodes[first + (child - below) / BVH_WIDTH];
+        unsigned place = (child - below) % BVH_WIDTH;
+        const struct bvh_node *from = &bvh->nodes[child];
+        for (unsigned k = 0; k < 3; k++) {
+            float low = INFINITY, high = -INFINITY;
+            for (unsigned i = 0; i < BVH_WIDTH; i++) {
+                low = from->low[k][i] < low ? from->low[k][i] : low;
+                high = from->high[k][i] > high ? from->high[k][i] : high;
+            }
+            node->low[k][place] = low;
+            node->high[k][place] = high;
+        }
+    }
+}
+
+/* Sets the levels' places; the tree has at least its root. */
+static void lay_out(struct bvh *bvh)
+{
+    uint32_t nodes = (bvh->count + (BVH_WIDTH - 1)) / BVH_WIDTH;
+    bvh->node_count = 0;
+    bvh->level_count = 0;
+    for (;;) {
+        bvh->level_first[bvh->level_count++] = bvh->node_count;
+        bvh->node_count += nodes ? nodes : 1;
+        if (nodes <= 1)
+            return;
+        nodes = (nodes + (BVH_WIDTH - 1)) / BVH_WIDTH;
+    }
+}
+
+enum status bvh_build(struct context *ctx, const double *positions, const uint32_t *faces,
+                      uint32_t count, struct bvh *bvh)
+{
+    memset(bvh, 0, sizeof *bvh);
+    bvh->count = count;
+    bvh->positions = positions;
+    bvh->faces = faces;
+    lay_out(bvh);
+
+    struct centre *centres = NULL;
+    enum status status = memory_take(ctx, count, sizeof *bvh->order, &bvh->order);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, bvh->node_count, sizeof *bvh->nodes, &bvh->nodes);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, count, sizeof *centres, &centres);
+    if (status != STATUS_OK)
+        goto out;
+
+    choose_frame(bvh);
+    for (uint32_t i = 0; i < count; i++) {
+        struct triangle t = bvh_triangle(bvh, i);
+        const struct vec3 *o = &bvh->origin;
+        centres[i] = (struct centre){{centre_of(t.a.x, t.b.x, t.c.x, o->x, bvh->scale),
+                                      centre_of(t.a.y, t.b.y, t.c.y, o->y, bvh->scale),
+                                      centre_of(t.a.z, t.b.z, t.c.z, o->z, bvh->scale)},
+                                     i};
+    }
+    split(centres, count);
+    for (uint32_t i = 0; i < count; i++)
+        bvh->order[i] = centres[i].triangle;
+
+    for (uint32_t i = 0; i < bvh->node_count; i++)
+        empty_node(&bvh->nodes[i]);
+    bound_triangles(bvh);
+    for (uint32_t level = 1; level < bvh->level_count; level++)
+        bound_level(bvh, level);
+
+out:
+    memory_release(ctx, &centres, count, sizeof *centres);
+    if (status != STATUS_OK)
+        bvh_clear(ctx, bvh);
+    return status;
+}
+
+void bvh_clear(struct context *ctx, struct bvh *bvh)
+{
+    memory_release(ctx, &bvh->order, bvh->count, sizeof *bvh->order);
+    memory_release(ctx, &bvh->nodes, bvh->node_count, sizeof *bvh->nodes);
+    memset(bvh, 0, sizeof *bvh);
+}
+
+/* ---- searching ---- */
+
+/* A box of box coordinates that holds the point, or the box, that asks. */
+struct query {
+    float low[3], high[3];
+};
+
+/* Far away, where squares would overflow, a nearer point gives a valid bound just as well. */
+static double clamp(double value)
+{
+    return value > 0x1p50 ? 0x1p50 : value < -0x1p50 ? -0x1p50 : value;
+}
+
+static float down(double value)
+{
+    float at = (float)clamp(value);
+    return at - box_slack * (1 + fabsf(at));
+}
+
+static float up(double value)
+{
+    float at = (float)clamp(value);
+    return at + box_slack * (1 + fabsf(at));
+}
+
+static struct query query_of(const struct bvh *bvh, struct vec3 low, struct vec3 high)
+{
+    struct vec3 from = vec3_scale(vec3_sub(low, bvh->origin), bvh->scale);
+    struct vec3 to = vec3_scale(vec3_sub(high, bvh->origin), bvh->scale);
+    return (struct query){{down(from.x), down(from.y), down(from.z)},
+                          {up(to.x), up(to.y), up(to.z)}};
+}
+
+/* Squared distances between the query's box and the node's eight. */
+static inline void box_distances(const struct bvh_node *restrict node,
+                                 const struct query *restrict query, float *restrict distances)
+{
+    float sum[BVH_WIDTH] = {0};
+    for (unsigned k = 0; k < 3; k++) {
+        for (unsigned i = 0; i < BVH_WIDTH; i++) {
+            float below = node->low[k][i] - query->high[k];
+            float above = query->low[k] - node->high[k][i];
+            float apart = below > above ? below : above;
+            apart = apart > 0 ? apart : 0;
+            sum[i] += apart * apart;
+        }
+    }
+    memcpy(distances, sum, sizeof sum);
+}
+
+struct pending {
+    float distance;
+    uint32_t node; /* within its level */
+    uint32_t level;
+};
+
+enum { PENDING_MAX = BVH_LEVELS_MAX * (BVH_WIDTH - 1) + 1 };
+
+/* The boxes not farther than `bound`, nearest first. */
+static unsigned sort_near(const float *distances, float bound, unsigned *places)
+{
+    unsigned count = 0;
+    for (unsigned i = 0; i < BVH_WIDTH; i++) {
+        if (!(distances[i] <= bound) || distances[i] == INFINITY)
+            continue;
+        unsigned at = count++;
+        for (; at > 0 && distances[places[at - 1]] > distances[i]; at--)
+            places[at] = places[at - 1];
+        places[at] = i;
+    }
+    return count;
+}
+
+/* In box units, rounded up. */
+static float bound_of(const struct bvh *bvh, double distance_squared)
+{
+    double bound = distance_squared * bvh->scale * bvh->scale * (1 + 0x1p-20) + 1e-30;
+    return bound < 1e38 ? (float)bound : 3.0e38f;
+}
+
+void bvh_nearest(const struct bvh *bvh, struct vec3 p, struct nearest *nearest)
+{
+    struct query query = query_of(bvh, p, p);
+    float bound = bound_of(bvh, nearest->distance_squared);
+    struct pending stack[PENDING_MAX];
+    unsigned used = 0;
+    if (bvh->count > 0)
+        stack[used++] = (struct pending){0, 0, bvh->level_count - 1};
+
+    while (used > 0) {
+        struct pending top = stack[--used];
+        if (top.distance > bound)
+            continue;
+        const struct bvh_node *node = &bvh->nodes[bvh->level_first[top.level] + top.node];
+        float distances[BVH_WIDTH];
+        unsigned places[BVH_WIDTH];
+        box_distances(node, &query, distances);
+        unsigned count = sort_near(distances, bound, places);
+        if (top.level > 0) {
+            while (count-- > 0)
+                stack[used++] = (struct pending){
+                    distances[places[count]], top.node * BVH_WIDTH + places[count], top.level - 1};
+            continue;
+        }
+        for (unsigned i = 0; i < count && distances[places[i]] <= bound; i++) {
+            uint32_t number = bvh->order[top.node * BVH_WIDTH + places[i]];
+            struct triangle t = bvh_triangle(bvh, number);
+            struct vec3 point;
+            double distance = triangle_distance_squared(p, &t, &point);
+            if (distance < nearest->distance_squared ||
+                (distance == nearest->distance_squared && number < nearest->triangle)) {
+                *nearest = (struct nearest){distance, number, point};
+                bound = bound_of(bvh, distance);
+            }
+        }
+    }
+}
+
+void bvh_touching(const struct bvh *bvh, struct vec3 low, struct vec3 high,
+                  bool (*visit)(void *user, uint32_t triangle), void *user)
+{
+    struct query query = query_of(bvh, low, high);
+    struct pending stack[PENDING_MAX];
+    unsigned used = 0;
+    if (bvh->count > 0)
+        stack[used++] = (struct pending){0, 0, bvh->level_count - 1};
+
+    while (used > 0) {
+        struct pending top = stack[--used];
+        const struct bvh_node *node = &bvh->nodes[bvh->level_first[top.level] + top.node];
+        float distances[BVH_WIDTH];
+        box_distances(node, &query, distances);
+        for (unsigned i = 0; i < BVH_WIDTH; i++) {
+            if (distances[i] > 0)
+                continue;
+            if (top.level > 0)
+                stack[used++] = (struct pending){0, top.node * BVH_WIDTH + i, top.level - 1};
+            else if (!visit(user, bvh->order[top.node * BVH_WIDTH + i]))
+                return;
+        }
+    }
+}

@@ -1,0 +1,424 @@
+/*
+ * Cutting ears by increasing angle.
+ *
+ * An ear of a simple loop is a convex corner whose triangle, with the diagonal that closes it,
+ * holds no other corner; testing only the corners that are not convex is enough, for of the corners
+ * inside, the one farthest from the diagonal is not convex. Naively all corners are tested against
+ * all, after every cut. Here a corner's state is kept until something changes it:
+ *
+ * - All corners of the rest stand in one heap, ordered by kind (proper ear, blocked ear, reflex, no
+ *   area, forbidden), then by angle, then by number. Cutting one moves its two neighbours.
+ * - A blocked ear waits at the corner that blocks it: it is looked at again when that corner
+ * becomes convex or is cut, and not before. So the heap's top is the best ear there is at any time.
+ * - The blocking corners are found in a point_tree (or by a plain loop while n is small).
+ *
+ * In a simple loop a proper ear is always left (two-ears theorem; ears without area never are
+ * proper, and a rest with area always has another). In other loops, tests are added that let
+ * bridged holes and ramps through: corners in the same place block only if their edges run into the
+ * ear, and corners far above or below the ear, as on another turn of a ramp, do not block. When
+ * even so no proper ear is left, the next kind is cut, as FIST does: so it always ends.
+ *
+ * Angles are compared by their cosines, made of grid differences with products, one sqrt and one
+ * division: the same on every machine.
+ */
+#include "geom/ear_clip.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "geom/point_tree.h"
+
+#define NONE UINT32_MAX
+enum { LOOP_SEARCH_MAX = 48 }; /* corners up to which blocking ones are searched by a plain loop */
+
+enum kind { KIND_EAR, KIND_BLOCKED, KIND_REFLEX, KIND_FLAT, KIND_FORBIDDEN };
+
+struct clipper {
+    const struct ear_input *input;
+    const struct grid_point *points;
+    bool is_simple, has_tree;
+    struct point_tree tree;
+    uint32_t count; /* corners of the rest */
+    uint32_t *previous, *next;
+    /* The heap: corners by key; the smallest key is on top. */
+    uint32_t *heap, *place;
+    double *key; /* 4 * kind + 1 - cosine */
+    /* Ears that wait at a blocking corner: doubly linked lists. */
+    uint32_t *first_waiting, *next_waiting, *previous_waiting, *blocker;
+    uint8_t *is_blocking; /* not convex and not cut */
+    uint8_t *is_forbidden;
+};
+
+/* ---- heap ---- */
+
+static bool key_less(const struct clipper *clipper, uint32_t a, uint32_t b)
+{
+    return clipper->key[a] != clipper->key[b] ? clipper->key[a] < clipper->key[b] : a < b;
+}
+
+static void heap_put(struct clipper *clipper, uint32_t place, uint32_t corner)
+{
+    clipper->heap[place] = corner;
+    clipper->place[corner] = place;
+}
+
+static void heap_sift(struct clipper *clipper, uint32_t place)
+{
+    uint32_t corner = clipper->heap[place];
+    while (place > 0 && key_less(clipper, corner, clipper->heap[(place - 1) / 2])) {
+        heap_put(clipper, place, clipper->heap[(place - 1) / 2]);
+        place = (place - 1) / 2;
+    }
+    for (;;) {
+        uint64_t child = 2 * (uint64_t)place + 1;
+        if (child >= clipper->count)
+            break;
+        if (child + 1 < clipper->count &&
+            key_less(clipper, clipper->heap[child + 1], clipper->heap[child]))
+            child++;
+        if (!key_less(clipper, clipper->heap[child], corner))
+            break;
+        heap_put(clipper, place, clipper->heap[child]);
+        place = (uint32_t)child;
+    }
+    heap_put(clipper, place, corner);
+}
+
+static void heap_remove(struct clipper *clipper, uint32_t corner)
+{
+    uint32_t place = clipper->place[corner], last = clipper->heap[--clipper->count];
+    if (last != corner) {
+        heap_put(clipper, place, last);
+        heap_sift(clipper, place);
+    }
+}
+
+/* ---- waiting ---- */
+
+static void stop_waiting(struct clipper *clipper, uint32_t corner)
+{
+    uint32_t at = clipper->blocker[corner];
+    if (at == NONE)
+        return;
+    uint32_t previous = clipper->previous_waiting[corner], next = clipper->next_waiting[corner];
+    if (previous == NONE)
+        clipper->first_waiting[at] = next;
+    else
+        clipper->next_waiting[previous] = next;
+    if (next != NONE)
+        clipper->previous_waiting[next] = previous;
+    clipper->blocker[corner] = NONE;
+}
+
+static void wait_at(struct clipper *clipper, uint32_t corner, uint32_t blocker)
+{
+    uint32_t next = clipper->first_waiting[blocker];
+    clipper->blocker[corner] = blocker;
+    clipper->previous_waiting[corner] = NONE;
+    clipper->next_waiting[corner] = next;
+    if (next != NONE)
+        clipper->previous_waiting[next] = corner;
+    clipper->first_waiting[blocker] = corner;
+}
+
+/* ---- tests ---- */
+
+static double distance_squared(struct grid_point a, struct grid_point b)
+{
+    double x = (double)(a.x - b.x), y = (double)(a.y - b.y);
+    return x * x + y * y;
+}
+
+/* 1 for a corner with an edge of no length. */
+static double cosine_at(struct grid_point a, struct grid_point b, struct grid_point c)
+{
+    double lengths = distance_squared(a, b) * distance_squared(c, b);
+    return lengths > 0 ? (double)grid_dot(b, a, c) / sqrt(lengths) : 1;
+}
+
+/* The direction from `at` to p lies strictly between those to `from` and to `to`, which is less
+ * than a half turn to the left. */
+static bool runs_between(struct grid_point at, struct grid_point from, struct grid_point to,
+                         struct grid_point p)
+{
+    return orientation(at, from, p) > 0 && orientation(at, p, to) > 0;
+}
+
+struct ear {
+    const struct clipper *clipper;
+    uint32_t a, b, c; /* b is its tip */
+};
+
+/* The corner lies over or under the ear, on another sheet of the surface: farther from its plane
+ * than the ear is wide, as a surface that is sloped less than 45 degrees can't be. */
+static bool is_on_other_sheet(const struct ear *ear, uint32_t corner)
+{
+    const double *heights = ear->clipper->input->heights;
+    const struct grid_point *points = ear->clipper->points;
+    struct grid_point a = points[ear->a], b = points[ear->b], c = points[ear->c];
+    struct grid_point p = points[corner];
+    double at_a = (double)orientation(b, c, p), at_b = (double)orientation(c, a, p),
+           at_c = (double)orientation(a, b, p);
+    double height = (at_a * heights[ear->a] + at_b * heights[ear->b] + at_c * heights[ear->c]) /
+                    (at_a + at_b + at_c);
+    double off = heights[corner] - height;
+    double ab = distance_squared(a, b), bc = distance_squared(b, c), ca = distance_squared(c, a);
+    double widest = ab > bc ? ab : bc;
+    return off * off > (widest > ca ? widest : ca);
+}
+
+/* Does a corner that is not convex and lies in the closed triangle make it improper? */
+static bool blocks(const void *user, uint32_t corner)
+{
+    const struct ear *ear = user;
+    const struct clipper *clipper = ear->clipper;
+    if (corner == ear->a || corner == ear->b || corner == ear->c)
+        return false;
+    if (clipper->is_simple)
+        return true;
+    if (is_on_other_sheet(ear, corner))
+        return false;
+    const struct grid_point *points = clipper->points;
+    struct grid_point a = points[ear->a], b = points[ear->b], c = points[ear->c];
+    struct grid_point p = points[corner];
+    struct grid_point before = points[clipper->previous[corner]];
+    struct grid_point after = points[clipper->next[corner]];
+    if (grid_equal(p, a))
+        return runs_between(a, b, c, before) || runs_between(a, b, c, after);
+    if (grid_equal(p, b))
+        return runs_between(b, c, a, before) || runs_between(b, c, a, after);
+    if (grid_equal(p, c))
+        return runs_between(c, a, b, before) || runs_between(c, a, b, after);
+    return true;
+}
+
+static uint32_t find_blocker(const struct clipper *clipper, const struct ear *ear)
+{
+    const struct grid_point *points = clipper->points;
+    struct grid_point a = points[ear->a], b = points[ear->b], c = points[ear->c];
+    if (clipper->has_tree)
+        return point_tree_find(&clipper->tree, a, b, c, blocks, ear);
+    for (uint32_t i = 0; i < clipper->input->n; i++)
+        if (clipper->is_blocking[i] && triangle_holds(a, b, c, points[i]) && blocks(ear, i))
+            return i;
+    return NONE;
+}
+
+/* The diagonal from a to c leaves both ends into the inside. (Else a corner would be in the ear;
+ * only in loops that touch themselves it need not be.) */
+static bool diagonal_is_inside(const struct clipper *clipper, const struct ear *ear)
+{
+    const struct grid_point *points = clipper->points;
+    struct grid_point a = points[ear->a], b = points[ear->b], c = points[ear->c];
+    struct grid_point before = points[clipper->previous[ear->a]];
+    struct grid_point after = points[clipper->next[ear->c]];
+    bool bad_at_a = orientation(a, b, before) > 0 && orientation(a, c, before) <= 0;
+    bool bad_at_c = orientation(c, b, after) < 0 && orientation(c, a, after) >= 0;
+    return !bad_at_a && !bad_at_c;
+}
+
+/* ---- states ---- */
+
+static void set_blocking(struct clipper *clipper, uint32_t corner, bool is_blocking)
+{
+    if (clipper->has_tree)
+        point_tree_switch(&clipper->tree, corner, is_blocking);
+    else
+        clipper->is_blocking[corner] = is_blocking;
+}
+
+static enum kind kind_of(struct clipper *clipper, const struct ear *ear)
+{
+    const struct grid_point *points = clipper->points;
+    int64_t turn = orientation(points[ear->a], points[ear->b], points[ear->c]);
+    if (clipper->is_forbidden[ear->b])
+        return KIND_FORBIDDEN;
+    if (turn <= 0)
+        return turn == 0 ? KIND_FLAT : KIND_REFLEX;
+    if (!clipper->is_simple && clipper->count > 3 && !diagonal_is_inside(clipper, ear))
+        return KIND_BLOCKED;
+    uint32_t blocker = find_blocker(clipper, ear);
+    if (blocker == NONE)
+        return KIND_EAR;
+    wait_at(clipper, ear->b, blocker);
+    return KIND_BLOCKED;
+}
+
+/* Sets a corner's key anew. */
+static void judge(struct clipper *clipper, uint32_t corner)
+{
+    struct ear ear = {clipper, clipper->previous[corner], corner, clipper->next[corner]};
+    stop_waiting(clipper, corner);
+    enum kind kind = kind_of(clipper, &ear);
+    const struct grid_point *points = clipper->points;
+    double openness = 1 - cosine_at(points[ear.a], points[ear.b], points[ear.c]);
+    openness = openness < 0 ? 0 : openness > 2 ? 2 : openness; /* rounding may pass the ends */
+    clipper->key[corner] = 4.0 * (int)kind + openness;
+}
+
+static void rejudge(struct clipper *clipper, uint32_t corner)
+{
+    judge(clipper, corner);
+    heap_sift(clipper, clipper->place[corner]);
+}
+
+/* Those that wait at a corner, which has changed, are judged again. */
+static void wake(struct clipper *clipper, uint32_t corner)
+{
+    uint32_t waiting = clipper->first_waiting[corner];
+    clipper->first_waiting[corner] = NONE;
+    for (uint32_t i = waiting; i != NONE; i = clipper->next_waiting[i])
+        clipper->blocker[i] = NONE; /* they are in no list now */
+    while (waiting != NONE) {
+        uint32_t next = clipper->next_waiting[waiting];
+        rejudge(clipper, waiting);
+        waiting = next;
+    }
+}
+
+/* A neighbour of the corner has been cut: its triangle is another one. */
+static void update(struct clipper *clipper, uint32_t corner)
+{
+    const struct grid_point *points = clipper->points;
+    bool was_blocking = clipper->is_blocking[corner];
+    bool is_blocking = orientation(points[clipper->previous[corner]], points[corner],
+                                   points[clipper->next[corner]]) <= 0;
+    clipper->is_forbidden[corner] = false;
+    if (is_blocking != was_blocking)
+        set_blocking(clipper, corner, is_blocking);
+    if ((was_blocking && !is_blocking) || !clipper->is_simple)
+        wake(clipper, corner);
+    rejudge(clipper, corner);
+}
+
+static void cut(struct clipper *clipper, uint32_t corner)
+{
+    uint32_t a = clipper->previous[corner], c = clipper->next[corner];
+    stop_waiting(clipper, corner);
+    heap_remove(clipper, corner);
+    clipper->next[a] = c;
+    clipper->previous[c] = a;
+    if (clipper->is_blocking[corner])
+        set_blocking(clipper, corner, false);
+    wake(clipper, corner);
+    update(clipper, a);
+    update(clipper, c);
+    if (!clipper->is_simple) { /* diagonal_is_inside looks one corner farther */
+        rejudge(clipper, clipper->previous[a]);
+        rejudge(clipper, clipper->next[c]);
+    }
+}
+
+/* ---- the whole ---- */
+
+static enum status set_up(struct context *ctx, struct scratch *scratch,
+                          const struct ear_input *input, struct clipper *clipper)
+{
+    size_t n = input->n;
+    bool has_tree = n > LOOP_SEARCH_MAX;
+    size_t tree_bytes = has_tree ? point_tree_size(input->n) : 0;
+    enum status status = scratch_reserve(ctx, scratch, tree_bytes + n * (8 + 8 * 4 + 2));
+    if (status != STATUS_OK)
+        return status;
+    unsigned char *block = scratch->block + (tree_bytes + 7) / 8 * 8;
+    *clipper = (struct clipper){.input = input,
+                                .points = input->points,
+                                .is_simple = input->is_simple,
+                                .has_tree = has_tree,
+                                .count = input->n};
+    clipper->key = (double *)(void *)block;
+    clipper->previous = (uint32_t *)(void *)(block + 8 * n);
+    clipper->next = clipper->previous + n;
+    clipper->heap = clipper->next + n;
+    clipper->place = clipper->heap + n;
+    clipper->first_waiting = clipper->place + n;
+    clipper->next_waiting = clipper->first_waiting + n;
+    clipper->previous_waiting = clipper->next_waiting + n;
+    clipper->blocker = clipper->previous_waiting + n;
+    clipper->is_blocking = (uint8_t *)(clipper->blocker + n);
+    clipper->is_forbidden = clipper->is_blocking + n;
+
+    memset(clipper->is_forbidden, 0, n);
+    for (uint32_t i = 0; i < input->n; i++) {
+        clipper->previous[i] = i == 0 ? input->n - 1 : i - 1;
+        clipper->next[i] = i + 1 == input->n ? 0 : i + 1;
+        clipper->first_waiting[i] = clipper->blocker[i] = NONE;
+        clipper->is_blocking[i] = orientation(input->points[clipper->previous[i]], input->points[i],
+                                              input->points[clipper->next[i]]) <= 0;
+    }
+    if (has_tree)
+        point_tree_build(&clipper->tree, input->points, input->n, clipper->is_blocking,
+                         scratch->block);
+    for (uint32_t i = 0; i < input->n; i++) {
+        judge(clipper, i);
+        heap_put(clipper, i, i);
+    }
+    for (uint32_t i = input->n / 2; i-- > 0;)
+        heap_sift(clipper, i);
+    return STATUS_OK;
+}
+
+static bool is_bad(const struct clipper *clipper, uint32_t a, uint32_t b, uint32_t c)
+{
+    return orientation(clipper->points[a], clipper->points[b], clipper->points[c]) <= 0;
+}
+
+static void hand_back(struct clipper *clipper, struct ear_result *result)
+{
+    uint32_t corner = clipper->heap[0], count = clipper->count;
+    for (uint32_t i = 1; i < count; i++)
+        corner = clipper->heap[i] < corner ? clipper->heap[i] : corner;
+    result->rest = clipper->place; /* the heap is not needed any more */
+    result->rest_count = count;
+    for (uint32_t i = 0; i < count; i++) {
+        result->rest[i] = corner;
+        corner = clipper->next[corner];
+    }
+}
+
+/* In loops that are not simple, a corner can become reflex after an ear was found proper. */
+static bool is_outdated(struct clipper *clipper, uint32_t corner)
+{
+    double key = clipper->key[corner];
+    rejudge(clipper, corner);
+    return clipper->key[corner] != key;
+}
+
+enum status cut_ears(struct context *ctx, struct scratch *scratch, const struct ear_input *input,
+                     uint32_t *triangles, struct ear_result *result)
+{
+    struct clipper clipper;
+    enum status status = set_up(ctx, scratch, input, &clipper);
+    *result = (struct ear_result){0};
+    if (status != STATUS_OK)
+        return status;
+    for (;;) {
+        uint32_t b = clipper.heap[0];
+        uint32_t a = clipper.previous[b], c = clipper.next[b];
+        if (!input->is_simple && is_outdated(&clipper, b))
+            continue;
+        if (clipper.count > 3) {
+            if (clipper.key[b] >= 4.0 * KIND_BLOCKED && clipper.count <= input->give_back_max) {
+                hand_back(&clipper, result);
+                return STATUS_OK;
+            }
+            if (clipper.key[b] >= 4.0 * KIND_FORBIDDEN) {
+                result->is_stuck = true;
+                return STATUS_OK;
+            }
+            if (input->diagonal_allowed && !input->diagonal_allowed(input->user, a, c)) {
+                clipper.is_forbidden[b] = true;
+                rejudge(&clipper, b);
+                continue;
+            }
+        }
+        uint32_t *triangle = triangles + 3 * (size_t)result->cut++;
+        triangle[0] = a;
+        triangle[1] = b;
+        triangle[2] = c;
+        result->has_bad |= is_bad(&clipper, a, b, c);
+        if (clipper.count == 3)
+            return STATUS_OK;
+        cut(&clipper, b);
+    }
+}

@@ -1,0 +1,552 @@
+/*
+ * Finding the two faces of each edge.
+ *
+ * The naive way is a hash map over all edges; it then dominates everything. Here a slab at a time
+ * is matched in arrays that stay in the cache: each edge is filed under its lower vertex in a list
+ * of the edges met so far, which holds about three entries, and the second face to come finds the
+ * first. Lists can be long (the apex of a large fan), so the steps along them are counted, and a
+ * slab that takes too many is matched anew with edges filed under their end of lower degree: the
+ * sum over the edges of the lesser degree is linear in planar meshes and at most m^1.5 in any.
+ *
+ * An edge can have faces in several slabs only if both its ends are shared between slabs. All sides
+ * of such edges, some per cent of all, are sorted by their ends, and what stands together is
+ * matched. Edges of more than two faces are opened on all sides, for separate.c.
+ */
+#include "mesh/adjacency.h"
+
+#include <string.h>
+
+#include "base/external_sort.h"
+#include "base/memory.h"
+#include "base/parallel.h"
+
+#define CROWDED (UINT32_MAX - 1) /* in neighbours[] of a slab in work: more than two faces */
+
+enum { STEP_LIMIT = 64 }; /* list steps an edge before a slab is matched by degree */
+
+struct filed_edge {
+    uint32_t other;  /* the end it is not filed under */
+    uint32_t corner; /* face of the slab << 2 | edge */
+    uint32_t next;   /* in the list; NO_INDEX ends it */
+};
+
+struct matcher { /* one a worker */
+    struct slab_scope scope;
+    uint32_t *head; /* a list for each local vertex */
+    size_t head_capacity;
+    uint32_t *degree;
+    size_t degree_capacity;
+    struct filed_edge *filed;
+    size_t filed_capacity;
+};
+
+struct found { /* what a slab hands on */
+    struct edge_record *joint;
+    size_t joint_count, joint_capacity;
+    struct edge_record *cut;
+    size_t cut_count, cut_capacity;
+    uint32_t *twins; /* faces with the vertices of their only neighbour, an earlier one */
+    size_t twin_count, twin_capacity;
+    uint64_t crossing;
+};
+
+struct build {
+    struct draft *draft;
+    struct adjacency *result;
+    uint64_t crossing_limit;
+    struct matcher *matchers;
+    struct found *found;
+    unsigned in_flight;
+    struct sorter *joint;
+    struct spool twin_spool;
+};
+
+/* ---- a slab ---- */
+
+struct slab_edges { /* the slab in work, for the inner loops */
+    const uint32_t *faces;
+    uint32_t *neighbours;
+    uint8_t *mates;
+    uint32_t face_first;
+};
+
+static void link_or_refuse(const struct slab_edges *s, uint32_t earlier, uint32_t corner)
+{
+    uint32_t f = earlier >> 2, g = corner >> 2;
+    unsigned k = earlier & 3, m = corner & 3;
+    uint32_t *there = &s->neighbours[3 * (size_t)f + k];
+    uint32_t *here = &s->neighbours[3 * (size_t)g + m];
+    if (*there == NO_INDEX) {
+        *there = s->face_first + g;
+        *here = s->face_first + f;
+        mate_set(s->mates, f, k, m);
+        mate_set(s->mates, g, m, k);
+        return;
+    }
+    *here = CROWDED;
+    if (*there != CROWDED) {
+        uint32_t partner = *there - s->face_first;
+        s->neighbours[3 * (size_t)partner + mate_of(s->mates, f, k)] = CROWDED;
+        *there = CROWDED;
+    }
+}
+
+/* Files the edges of all faces and matches each with the one filed before. False: too many steps.
+ * `degree` NULL files under the lower vertex. */
+static bool match_edges(const struct slab_edges *s, struct matcher *m, const uint32_t *degree)
+{
+    const struct slab_scope *scope = &m->scope;
+    const uint64_t limit = degree ? UINT64_MAX : (uint64_t)STEP_LIMIT * 3 * scope->face_count;
+    struct filed_edge *filed = m->filed;
+    uint32_t *head = m->head;
+    uint32_t filed_count = 0;
+    uint64_t steps = 0;
+    memset(head, 0xff, (size_t)scope_local_count(scope) * sizeof *head);
+    memset(s->neighbours, 0xff, 3 * (size_t)scope->face_count * sizeof *s->neighbours);
+    memset(s->mates, 0, scope->face_count);
+    for (uint32_t f = 0; f < scope->face_count; f++) {
+        const uint32_t *face = s->faces + 3 * (size_t)f;
+        uint32_t local[3];
+        for (unsigned k = 0; k < 3; k++)
+            local[k] = scope_local(scope, face[k]);
+        for (unsigned k = 0; k < 3; k++) {
+            unsigned n = next3(k);
+            bool under_first =
+                degree ? degree[local[k]] < degree[local[n]] ||
+                             (degree[local[k]] == degree[local[n]] && local[k] < local[n])
+                       : local[k] < local[n];
+            uint32_t under = under_first ? local[k] : local[n];
+            uint32_t other = under_first ? face[n] : face[k];
+            uint32_t e = head[under];
+            while (e != NO_INDEX && filed[e].other != other) {
+                e = filed[e].next;
+                steps++;
+            }
+            if (e != NO_INDEX) {
+                link_or_refuse(s, filed[e].corner, f << 2 | k);
+            } else {
+                filed[filed_count] = (struct filed_edge){other, f << 2 | k, head[under]};
+                head[under] = filed_count++;
+            }
+        }
+        if (steps > limit)
+            return false;
+    }
+    return true;
+}
+
+static enum status match_by_degree(const struct slab_edges *s, struct matcher *m)
+{
+    const struct slab_scope *scope = &m->scope;
+    const uint32_t locals = scope_local_count(scope);
+    enum status status =
+        memory_reserve(scope->ctx, &m->degree, &m->degree_capacity, locals, sizeof(uint32_t));
+    if (status != STATUS_OK)
+        return status;
+    memset(m->degree, 0, (size_t)locals * sizeof *m->degree);
+    for (size_t i = 0; i < 3 * (size_t)scope->face_count; i++)
+        m->degree[scope_local(scope, s->faces[i])]++;
+    (void)match_edges(s, m, m->degree);
+    return STATUS_OK;
+}
+
+static enum status append_edge(struct context *ctx, struct edge_record **list, size_t *count,
+                               size_t *capacity, struct edge_record record)
+{
+    if (*count == *capacity) {
+        enum status status = memory_reserve(ctx, list, capacity, *count + 1024, sizeof **list);
+        if (status != STATUS_OK)
+            return status;
+    }
+    (*list)[(*count)++] = record;
+    return STATUS_OK;
+}
+
+static struct edge_record make_record(uint32_t a, uint32_t b, uint32_t face, unsigned edge)
+{
+    uint64_t key = a < b ? (uint64_t)a << 32 | b : (uint64_t)b << 32 | a;
+    return (struct edge_record){key, face, edge};
+}
+
+/* Sorts out what the slab alone can't settle: edges for the join, edges to be opened, twins. */
+static enum status collect(const struct build *build, const struct slab_edges *s,
+                           uint32_t face_count, struct found *found)
+{
+    const struct draft *draft = build->draft;
+    enum status status = STATUS_OK;
+    for (uint32_t f = 0; f < face_count && found->crossing <= build->crossing_limit; f++) {
+        const uint32_t *face = s->faces + 3 * (size_t)f;
+        uint32_t *over = s->neighbours + 3 * (size_t)f;
+        if (over[0] == over[1] && over[1] == over[2] && over[0] < s->face_first + f) {
+            status = memory_reserve(draft->ctx, &found->twins, &found->twin_capacity,
+                                    found->twin_count + 1, sizeof *found->twins);
+            if (status != STATUS_OK)
+                return status;
+            found->twins[found->twin_count++] = s->face_first + f;
+        }
+        unsigned shared = 0;
+        for (unsigned k = 0; k < 3; k++)
+            shared |= (unsigned)is_shared(draft, face[k]) << k;
+        const bool is_usual = (shared & (shared - 1)) == 0;
+        for (unsigned k = 0; k < 3; k++) {
+            if (is_usual && over[k] != CROWDED)
+                continue;
+            struct edge_record record = make_record(face[k], face[next3(k)], s->face_first + f, k);
+            if (shared >> k & shared >> next3(k) & 1) {
+                if (over[k] == NO_INDEX)
+                    found->crossing++;
+                status = append_edge(draft->ctx, &found->joint, &found->joint_count,
+                                     &found->joint_capacity, record);
+            } else if (over[k] == CROWDED) {
+                status = append_edge(draft->ctx, &found->cut, &found->cut_count,
+                                     &found->cut_capacity, record);
+            }
+            if (status != STATUS_OK)
+                return status;
+            if (over[k] == CROWDED) {
+                over[k] = NO_INDEX;
+                mate_set(s->mates, f, k, 0);
+            }
+        }
+    }
+    return STATUS_OK;
+}
+
+static enum status match_slab(void *user, uint64_t job, unsigned worker)
+{
+    struct build *build = user;
+    struct draft *draft = build->draft;
+    struct matcher *m = &build->matchers[worker];
+    struct found *found = &build->found[job % build->in_flight];
+    found->joint_count = found->cut_count = found->twin_count = 0;
+    found->crossing = 0;
+    enum status status = scope_enter(draft, (uint32_t)job, &m->scope);
+    if (status == STATUS_OK)
+        status = memory_reserve(draft->ctx, &m->head, &m->head_capacity,
+                                scope_local_count(&m->scope), sizeof *m->head);
+    if (status == STATUS_OK)
+        status = memory_reserve(draft->ctx, &m->filed, &m->filed_capacity,
+                                3 * (size_t)m->scope.face_count, sizeof *m->filed);
+    if (status != STATUS_OK)
+        return status;
+    const uint32_t first = m->scope.face_first;
+    const struct slab_edges s = {draft->faces + 3 * (size_t)first,
+                                 draft->neighbours + 3 * (size_t)first, draft->mates + first,
+                                 first};
+    if (!match_edges(&s, m, NULL))
+        status = match_by_degree(&s, m);
+    if (status == STATUS_OK)
+        status = collect(build, &s, m->scope.face_count, found);
+    return status;
+}
+
+static enum status finish_slab(void *user, uint64_t job)
+{
+    struct build *build = user;
+    struct adjacency *result = build->result;
+    struct found *found = &build->found[job % build->in_flight];
+    result->crossing += found->crossing;
+    if (result->crossing > build->crossing_limit) {
+        result->is_over_limit = true;
+        return STATUS_CANCELLED; /* ends the loop; no failure is recorded */
+    }
+    enum status status = sorter_add(build->joint, found->joint, found->joint_count);
+    if (status == STATUS_OK)
+        status =
+            spool_append(&result->cut_spool, found->cut, found->cut_count * sizeof *found->cut);
+    if (status == STATUS_OK)
+        status = spool_append(&build->twin_spool, found->twins,
+                              found->twin_count * sizeof *found->twins);
+    if (status == STATUS_OK)
+        status = step(build->draft->ctx, "import: adjacency", job, build->draft->slab_count);
+    return status;
+}
+
+/* ---- across slabs ---- */
+
+struct edge_group { /* the sides of one edge, as they come out of the sort */
+    struct edge_record first;
+    struct edge_record second;
+    uint64_t count;
+};
+
+static enum status end_group(struct build *build, const struct edge_group *group)
+{
+    if (group->count != 2)
+        return STATUS_OK;
+    const struct edge_record *a = &group->first, *b = &group->second;
+    faces_link(build->draft, a->face, a->edge, b->face, b->edge);
+    unsigned shift = build->draft->slab_shift;
+    if (a->face >> shift == b->face >> shift)
+        return STATUS_OK;
+    /* A twin in another slab shows only once all its edges are joined: to be looked at then. */
+    uint32_t later = a->face > b->face ? a->face : b->face;
+    const uint32_t *face = build->draft->faces + 3 * (size_t)later;
+    for (int k = 0; k < 3; k++) {
+        if (!is_shared(build->draft, face[k]))
+            return STATUS_OK;
+    }
+    return spool_append(&build->twin_spool, &later, sizeof later);
+}
+
+static enum status open_side(struct build *build, const struct edge_record *side)
+{
+    build->draft->neighbours[3 * (size_t)side->face + side->edge] = NO_INDEX;
+    mate_set(build->draft->mates, side->face, side->edge, 0);
+    return spool_append(&build->result->cut_spool, side, sizeof *side);
+}
+
+static enum status add_to_group(struct build *build, struct edge_group *group,
+                                const struct edge_record *side)
+{
+    enum status status = STATUS_OK;
+    if (group->count && side->key != group->first.key) {
+        status = end_group(build, group);
+        group->count = 0;
+    }
+    group->count++;
+    if (group->count == 1) {
+        group->first = *side;
+    } else if (group->count == 2) {
+        group->second = *side;
+    } else {
+        if (group->count == 3) {
+            status = open_side(build, &group->first);
+            if (status == STATUS_OK)
+                status = open_side(build, &group->second);
+        }
+        if (status == STATUS_OK)
+            status = open_side(build, side);
+    }
+    return status;
+}
+
+static enum status join_slabs(struct build *build)
+{
+    enum status status = sorter_finish(build->joint);
+    struct edge_group group = {.count = 0};
+    while (status == STATUS_OK) {
+        const void *data;
+        size_t count;
+        status = sorter_next(build->joint, &data, &count);
+        if (status != STATUS_OK || count == 0)
+            break;
+        const struct edge_record *sides = data;
+        for (size_t i = 0; i < count && status == STATUS_OK; i++)
+            status = add_to_group(build, &group, &sides[i]);
+    }
+    if (status == STATUS_OK)
+        status = end_group(build, &group);
+    return status;
+}
+
+/* ---- duplicate faces ---- */
+
+static enum status mark_duplicate(struct build *build, uint32_t face)
+{
+    struct adjacency *result = build->result;
+    if (!result->duplicates) {
+        enum status status = draft_scratch(build->draft, &result->duplicate_spool,
+                                           build->draft->face_count / 8 + 1, &result->duplicates);
+        if (status != STATUS_OK)
+            return status;
+    }
+    unsigned char bit = (unsigned char)(1u << (face & 7));
+    if (!(result->duplicates[face >> 3] & bit))
+        result->duplicate_count++;
+    result->duplicates[face >> 3] |= bit;
+    return STATUS_OK;
+}
+
+/* Twins: two faces whose three edges have no other faces. */
+static enum status mark_twins(struct build *build)
+{
+    uint64_t count = build->twin_spool.size / sizeof(uint32_t);
+    void *data;
+    enum status status = spool_seal(&build->twin_spool, &data);
+    const uint32_t *twins = data;
+    for (uint64_t i = 0; i < count && status == STATUS_OK; i++) {
+        const uint32_t *over = build->draft->neighbours + 3 * (size_t)twins[i];
+        if (over[0] == over[1] && over[1] == over[2] && over[0] != NO_INDEX)
+            status = mark_duplicate(build, twins[i]);
+    }
+    return status;
+}
+
+struct triple_record {
+    uint64_t low_middle; /* vertices of a face in ascending order */
+    uint64_t high_face;
+};
+
+static struct triple_record make_triple(const uint32_t *face, uint32_t number)
+{
+    uint32_t a = face[0], b = face[1], c = face[2], swap;
+    if (a > b)
+        swap = a, a = b, b = swap;
+    if (b > c)
+        swap = b, b = c, c = swap;
+    if (a > b)
+        swap = a, a = b, b = swap;
+    return (struct triple_record){(uint64_t)a << 32 | b, (uint64_t)c << 32 | number};
+}
+
+/* All other duplicates have an edge of more than two faces. A face comes up to three times. */
+static enum status sort_triples(struct build *build, struct sorter *sorter)
+{
+    void *data;
+    enum status status = spool_seal(&build->result->cut_spool, &data);
+    const struct edge_record *cut = data;
+    build->result->cut_count = build->result->cut_spool.size / sizeof *cut;
+    for (uint64_t i = 0; i < build->result->cut_count && status == STATUS_OK; i++) {
+        struct triple_record triple =
+            make_triple(build->draft->faces + 3 * (size_t)cut[i].face, cut[i].face);
+        status = sorter_add(sorter, &triple, 1);
+    }
+    if (status == STATUS_OK)
+        status = sorter_finish(sorter);
+    return status;
+}
+
+static enum status mark_equal_triples(struct build *build, struct sorter *sorter)
+{
+    struct triple_record group = {0, 0};
+    bool has_group = false;
+    for (;;) {
+        size_t count;
+        const void *data;
+        enum status status = sorter_next(sorter, &data, &count);
+        if (status != STATUS_OK || count == 0)
+            return status;
+        const struct triple_record *triples = data;
+        for (size_t i = 0; i < count && status == STATUS_OK; i++) {
+            if (!has_group || triples[i].low_middle != group.low_middle ||
+                triples[i].high_face >> 32 != group.high_face >> 32) {
+                group = triples[i];
+                has_group = true;
+            } else if (triples[i].high_face != group.high_face) {
+                status = mark_duplicate(build, (uint32_t)triples[i].high_face);
+            }
+        }
+        if (status != STATUS_OK)
+            return status;
+    }
+}
+
+static enum status count_cut_edges(struct build *build)
+{
+    struct draft *draft = build->draft;
+    struct adjacency *result = build->result;
+    void *data;
+    enum status status = spool_seal(&result->cut_spool, &data);
+    const struct edge_record *cut = data;
+    struct sorter *sorter = NULL;
+    if (status == STATUS_OK)
+        status = sorter_open(draft->ctx, 8, 8, draft->sorter_limit, draft->beside, &sorter);
+    for (uint64_t i = 0; i < result->cut_count && status == STATUS_OK; i++)
+        status = sorter_add(sorter, &cut[i].key, 1);
+    if (status == STATUS_OK)
+        status = count_distinct(sorter, &result->cut_edges);
+    sorter_close(&sorter);
+    return status;
+}
+
+static enum status find_duplicates(struct build *build)
+{
+    struct draft *draft = build->draft;
+    struct sorter *sorter = NULL;
+    enum status status = sorter_open(draft->ctx, sizeof(struct triple_record), 16,
+                                     draft->sorter_limit, draft->beside, &sorter);
+    if (status == STATUS_OK)
+        status = sort_triples(build, sorter);
+    if (status == STATUS_OK)
+        status = mark_equal_triples(build, sorter);
+    if (status == STATUS_OK)
+        status = mark_twins(build);
+    sorter_close(&sorter);
+    if (status == STATUS_OK)
+        status = count_cut_edges(build);
+    return status;
+}
+
+/* ---- the whole ---- */
+
+static enum status prepare(struct build *build)
+{
+    struct draft *draft = build->draft;
+    struct context *ctx = draft->ctx;
+    spool_clear(&draft->neighbour_spool);
+    spool_clear(&draft->mate_spool);
+    enum status status =
+        draft_scratch(draft, &draft->neighbour_spool, draft->face_count * 3 * sizeof(uint32_t),
+                      &draft->neighbours);
+    if (status == STATUS_OK)
+        status = draft_scratch(draft, &draft->mate_spool, draft->face_count, &draft->mates);
+    if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, ctx->threads, sizeof *build->matchers, &build->matchers);
+    if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, build->in_flight, sizeof *build->found, &build->found);
+    if (status == STATUS_OK)
+        status = sorter_open(ctx, sizeof(struct edge_record), 8, draft->sorter_limit, draft->beside,
+                             &build->joint);
+    return status;
+}
+
+static void release(struct build *build)
+{
+    struct context *ctx = build->draft->ctx;
+    for (unsigned i = 0; build->matchers && i < ctx->threads; i++) {
+        struct matcher *m = &build->matchers[i];
+        scope_clear(&m->scope);
+        memory_release(ctx, &m->head, m->head_capacity, sizeof *m->head);
+        memory_release(ctx, &m->degree, m->degree_capacity, sizeof *m->degree);
+        memory_release(ctx, &m->filed, m->filed_capacity, sizeof *m->filed);
+    }
+    memory_release(ctx, &build->matchers, ctx->threads, sizeof *build->matchers);
+    for (unsigned i = 0; build->found && i < build->in_flight; i++) {
+        struct found *found = &build->found[i];
+        memory_release(ctx, &found->joint, found->joint_capacity, sizeof *found->joint);
+        memory_release(ctx, &found->cut, found->cut_capacity, sizeof *found->cut);
+        memory_release(ctx, &found->twins, found->twin_capacity, sizeof *found->twins);
+    }
+    memory_release(ctx, &build->found, build->in_flight, sizeof *build->found);
+    sorter_close(&build->joint);
+    spool_clear(&build->twin_spool);
+}
+
+enum status adjacency_build(struct draft *draft, uint64_t crossing_limit,
+                            struct adjacency *adjacency)
+{
+    memset(adjacency, 0, sizeof *adjacency);
+    adjacency->ctx = draft->ctx;
+    struct build build = {.draft = draft,
+                          .result = adjacency,
+                          .crossing_limit = crossing_limit,
+                          .in_flight = 2 * draft->ctx->threads};
+    spool_init(draft->ctx, &adjacency->cut_spool, draft->beside, draft->spool_limit);
+    spool_init(draft->ctx, &build.twin_spool, draft->beside, draft->spool_limit);
+    enum status status = prepare(&build);
+    if (status == STATUS_OK)
+        status = parallel_ordered(draft->ctx, draft->slab_count, build.in_flight, match_slab,
+                                  finish_slab, &build);
+    if (status == STATUS_CANCELLED && adjacency->is_over_limit) {
+        status = STATUS_OK;
+    } else {
+        if (status == STATUS_OK)
+            status = join_slabs(&build);
+        if (status == STATUS_OK)
+            status = find_duplicates(&build);
+    }
+    release(&build);
+    if (status != STATUS_OK)
+        adjacency_clear(adjacency);
+    return status;
+}
+
+void adjacency_clear(struct adjacency *adjacency)
+{
+    if (!adjacency->ctx)
+        return;
+    spool_clear(&adjacency->cut_spool);
+    spool_clear(&adjacency->duplicate_spool);
+    memset(adjacency, 0, sizeof *adjacency);
+}

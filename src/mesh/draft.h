@@ -1,0 +1,152 @@
+/*
+ * A mesh on its way into the store: arrays in proportion to the mesh lie in spools (memory up to a
+ * limit, then nameless temporary files), faces are in their final order, vertices are numbered by
+ * first use, and slabs are cut.
+ *
+ * Invariants between the steps of store_build:
+ *   D1  faces[] holds indices below vertex_count, and no face repeats one;
+ *   D2  vertices are numbered by first use, so that those that slab s uses first are the range
+ *       [vertex_first[s], vertex_first[s+1]);
+ *   D3  is_shared(v) holds for exactly the vertices that more than one slab uses;
+ *   D4  if neighbours[] is there, it is symmetric: the face over edge k of f names f as the face
+ *       over its edge mate(f, k).
+ * An edge is named by its face and the corner that it starts at (corner.h). A *code* is
+ * face << 2 | corner in 64 bits.
+ */
+#ifndef SPBM_MESH_DRAFT_H
+#define SPBM_MESH_DRAFT_H
+
+#include "base/file.h"
+#include "mesh/corner.h"
+#include "mesh/store.h"
+
+_Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
+               "arrays of the store are written as they lie in memory");
+
+struct draft {
+    struct context *ctx;
+    const char *beside;    /* borrowed: where temporary files go */
+    uint64_t spool_limit;  /* bytes of one spool that may lie in memory */
+    uint64_t sorter_limit; /* the same of a sort */
+    unsigned slab_shift;
+
+    uint64_t vertex_count;
+    uint64_t face_count;
+    struct spool face_spool;
+    struct spool neighbour_spool;
+    struct spool mate_spool;
+    struct spool source_spool;
+    struct spool shared_spool;
+    uint32_t *faces;       /* 3 a face */
+    uint32_t *neighbours;  /* 3 a face, NO_INDEX at a border; NULL before adjacency_build */
+    uint8_t *mates;        /* bits 2k, 2k+1: the neighbour's edge; NULL before adjacency_build */
+    uint32_t *source;      /* the input vertex of each vertex; NULL: the same number */
+    unsigned char *shared; /* a bit a vertex */
+
+    uint32_t slab_count;
+    uint32_t *vertex_first;   /* slab_count + 1 */
+    uint64_t foreign_corners; /* corners whose vertex an earlier slab used first */
+};
+
+/* Sets the limits from the budget. slab_shift 0: SLAB_SHIFT. */
+void draft_init(struct context *ctx, struct draft *draft, const char *beside, unsigned slab_shift);
+void draft_clear(struct draft *draft);
+
+/* Takes over a spool of faces whose indices are below id_count, not numbered yet. */
+enum status draft_adopt_faces(struct draft *draft, struct spool *faces) MUST_CHECK;
+
+/*
+ * Numbers vertices by first use and cuts the slabs (D1 to D3). Before, faces hold ids: below
+ * `base_count` those of the last numbering (or of the input, the first time), from there on
+ * copies, made from the id copy_of[id - base_count]. Faces that repeat an id are dropped and
+ * counted in *degenerate (only the first time can there be any: the face order of neighbours[]
+ * must not change). `merged`, if not NULL, is looked up first: id -> id (the weld).
+ */
+enum status draft_number(struct draft *draft, uint64_t base_count, const uint32_t *merged,
+                         const uint32_t *copy_of, uint64_t copy_count,
+                         uint64_t *degenerate) MUST_CHECK;
+
+/* Drops the faces whose bit is set and forgets neighbours; draft_number must follow. */
+void draft_drop_faces(struct draft *draft, const unsigned char *dropped);
+
+void draft_forget_adjacency(struct draft *draft);
+
+static inline bool is_shared(const struct draft *draft, uint32_t vertex)
+{
+    return draft->shared[vertex >> 3] >> (vertex & 7) & 1;
+}
+
+static inline unsigned mate_of(const uint8_t *mates, uint64_t face, unsigned edge)
+{
+    return (unsigned)mates[face] >> (2 * edge) & 3;
+}
+
+static inline void mate_set(uint8_t *mates, uint64_t face, unsigned edge, unsigned mate)
+{
+    unsigned cleared = (unsigned)mates[face] & ~(3u << (2 * edge));
+    mates[face] = (uint8_t)(cleared | mate << (2 * edge));
+}
+
+/* Joins edge k of f and edge m of g. */
+static inline void faces_link(struct draft *draft, uint32_t f, unsigned k, uint32_t g, unsigned m)
+{
+    draft->neighbours[3 * (uint64_t)f + k] = g;
+    draft->neighbours[3 * (uint64_t)g + m] = f;
+    mate_set(draft->mates, f, k, m);
+    mate_set(draft->mates, g, m, k);
+}
+
+static inline uint64_t code_of(uint32_t face, unsigned corner)
+{
+    return (uint64_t)face << 2 | corner;
+}
+
+/* ---- one slab of a draft, as a worker sees it ---- */
+
+/* Scratch of a worker, grown as needed and kept from slab to slab. */
+struct slab_scope {
+    struct context *ctx;
+    uint32_t face_first;
+    uint32_t face_count;
+    uint32_t vertex_first;
+    uint32_t own_count;
+    uint32_t foreign_count;
+    uint32_t *foreign; /* vertices that an earlier slab used first, ascending */
+    size_t foreign_capacity;
+    uint32_t *temp;
+    size_t temp_capacity;
+};
+
+/* Finds the slab's vertices. `scope` is all zero before its first use. */
+enum status scope_enter(struct draft *draft, uint32_t slab, struct slab_scope *scope) MUST_CHECK;
+void scope_clear(struct slab_scope *scope);
+
+/* Place of `vertex` in the ascending list, which must hold it. */
+uint32_t foreign_rank(const uint32_t *foreign, uint32_t count, uint32_t vertex);
+
+/* Number of a vertex within the slab: its own come first, then the foreign ones. */
+static inline uint32_t scope_local(const struct slab_scope *scope, uint32_t vertex)
+{
+    uint32_t own = vertex - scope->vertex_first;
+    if (own < scope->own_count)
+        return own;
+    return scope->own_count + foreign_rank(scope->foreign, scope->foreign_count, vertex);
+}
+
+static inline uint32_t scope_local_count(const struct slab_scope *scope)
+{
+    return scope->own_count + scope->foreign_count;
+}
+
+/* Scratch bytes in `spool` by the draft's limits. */
+enum status draft_scratch(struct draft *draft, struct spool *spool, uint64_t size,
+                          void *data) MUST_CHECK;
+
+struct sorter;
+/* Ends the adding to a sorter of 8-byte records and counts the different ones. */
+enum status count_distinct(struct sorter *sorter, uint64_t *count) MUST_CHECK;
+
+/* Sorts ascending; `temp` has as much room. */
+void sort_u32(uint32_t *values, uint32_t *temp, size_t count);
+
+#endif

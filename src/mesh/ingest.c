@@ -1,0 +1,417 @@
+/*
+ * Catching a stream of vertices and faces.
+ *
+ * Nothing is known beforehand: how many there are, whether all coordinates are float32, whether
+ * faces come before their vertices. So everything is appended to spools as it comes, in the
+ * narrowest form, and what needs the whole is done at the end: indices that were ahead of their
+ * vertices are judged, polygons triangulated, attribute schemas of several inputs compared.
+ *
+ * A polygon needs all its corners to be triangulated, which may not be there yet, while the order
+ * of faces shall not depend on that. A polygon of n corners always gives n - 2 triangles, so it is
+ * put down as a fan, in place, and noted; its triangles are made over at the end.
+ */
+#include "mesh/ingest.h"
+
+#include <string.h>
+
+#include "base/memory.h"
+#include "geom/triangulate.h"
+
+enum { BATCH = 4096, POLYGON_STEP = 1 << 16 };
+
+static const uint64_t index_limit = (uint64_t)UINT32_MAX - 1; /* counts go up to 2^32 - 2 */
+
+void ingest_init(struct context *ctx, struct ingest *ingest, const char *beside,
+                 uint64_t spool_limit)
+{
+    memset(ingest, 0, sizeof *ingest);
+    ingest->ctx = ctx;
+    ingest->beside = beside;
+    ingest->spool_limit = spool_limit;
+    ingest->double_first = UINT64_MAX;
+    spool_init(ctx, &ingest->float_spool, beside, spool_limit);
+    spool_init(ctx, &ingest->double_spool, beside, spool_limit);
+    spool_init(ctx, &ingest->face_spool, beside, spool_limit);
+    spool_init(ctx, &ingest->polygon_spool, beside, spool_limit);
+}
+
+void ingest_clear(struct ingest *ingest)
+{
+    if (!ingest->ctx)
+        return;
+    for (size_t i = 0; i < ingest->input_count; i++)
+        spool_clear(&ingest->inputs[i].record_spool);
+    memory_release(ingest->ctx, &ingest->inputs, ingest->input_capacity, sizeof *ingest->inputs);
+    spool_clear(&ingest->float_spool);
+    spool_clear(&ingest->double_spool);
+    spool_clear(&ingest->face_spool);
+    spool_clear(&ingest->polygon_spool);
+    memset(ingest, 0, sizeof *ingest);
+}
+
+static struct ingest_input *current(struct ingest *ingest)
+{
+    return &ingest->inputs[ingest->input_count - 1];
+}
+
+/* ---- the sink ---- */
+
+static enum status sink_begin(void *user, const struct attributes *attributes, bool is_soup,
+                              uint64_t expected_vertices, uint64_t expected_faces)
+{
+    (void)expected_vertices;
+    (void)expected_faces;
+    struct ingest *ingest = user;
+    struct ingest_input *input = current(ingest);
+    if (attributes)
+        input->attributes = *attributes;
+    input->is_soup = is_soup;
+    return STATUS_OK;
+}
+
+static enum status append_as_doubles(struct ingest *ingest, size_t count, const float *floats)
+{
+    double buffer[3 * 512];
+    for (size_t done = 0; done < 3 * count;) {
+        size_t size = 3 * count - done;
+        if (size > sizeof buffer / sizeof *buffer)
+            size = sizeof buffer / sizeof *buffer;
+        for (size_t i = 0; i < size; i++)
+            buffer[i] = (double)floats[done + i];
+        enum status status = spool_append(&ingest->double_spool, buffer, size * sizeof *buffer);
+        if (status != STATUS_OK)
+            return status;
+        done += size;
+    }
+    return STATUS_OK;
+}
+
+static enum status sink_vertices(void *user, size_t count, const float *floats,
+                                 const double *doubles, const unsigned char *records)
+{
+    struct ingest *ingest = user;
+    struct ingest_input *input = current(ingest);
+    if (count > index_limit || ingest->vertex_count + count > index_limit)
+        return fail(ingest->ctx, STATUS_BAD_INPUT,
+                    "%s: more than 4294967294 vertices, which is the limit of a mesh", input->name);
+    enum status status;
+    if (doubles) {
+        if (ingest->double_first == UINT64_MAX)
+            ingest->double_first = ingest->vertex_count;
+        status = spool_append(&ingest->double_spool, doubles, 3 * count * sizeof *doubles);
+    } else if (ingest->double_first != UINT64_MAX) {
+        status = append_as_doubles(ingest, count, floats);
+    } else {
+        status = spool_append(&ingest->float_spool, floats, 3 * count * sizeof *floats);
+    }
+    if (status == STATUS_OK && input->attributes.stride)
+        status = spool_append(&input->record_spool, records, count * input->attributes.stride);
+    ingest->vertex_count += count;
+    input->vertex_count += count;
+    return status;
+}
+
+/* The largest index of a run, to be judged at once if it can't be right, or when all vertices are
+ * known. `face` is the file's number of the first face; all have `corners` corners. */
+static enum status watch_indices(struct ingest *ingest, uint64_t face, const uint32_t *indices,
+                                 size_t count, uint32_t corners)
+{
+    struct ingest_input *input = current(ingest);
+    uint32_t largest = 0;
+    for (size_t i = 0; i < count; i++)
+        largest = indices[i] > largest ? indices[i] : largest;
+    if (count == 0 || largest < input->vertex_count || largest < ingest->needed_vertices)
+        return STATUS_OK;
+    size_t at = 0;
+    while (indices[at] != largest)
+        at++;
+    ingest->needed_vertices = (uint64_t)largest + 1;
+    ingest->largest_face = face + at / corners;
+    if (input->vertex_first + largest >= index_limit)
+        return fail(ingest->ctx, STATUS_BAD_INPUT,
+                    "%s: face %llu names vertex %lu, beyond the limit of 4294967294 vertices",
+                    input->name, (unsigned long long)ingest->largest_face, (unsigned long)largest);
+    return STATUS_OK;
+}
+
+static enum status count_faces(struct ingest *ingest, uint64_t triangles)
+{
+    ingest->face_count += triangles;
+    if (ingest->face_count > index_limit)
+        return fail(ingest->ctx, STATUS_BAD_INPUT,
+                    "%s: more than 4294967294 triangles, which is the limit of a mesh",
+                    current(ingest)->name);
+    return STATUS_OK;
+}
+
+static enum status append_triangles(struct ingest *ingest, uint64_t first_face, size_t count,
+                                    const uint32_t *indices)
+{
+    enum status status = count_faces(ingest, count);
+    if (status == STATUS_OK)
+        status = watch_indices(ingest, first_face, indices, 3 * count, 3);
+    if (status != STATUS_OK)
+        return status;
+    uint32_t offset = (uint32_t)current(ingest)->vertex_first;
+    if (offset == 0)
+        return spool_append(&ingest->face_spool, indices, 3 * count * sizeof *indices);
+    uint32_t buffer[3 * 1024];
+    for (size_t done = 0; done < 3 * count && status == STATUS_OK;) {
+        size_t size = 3 * count - done;
+        if (size > sizeof buffer / sizeof *buffer)
+            size = sizeof buffer / sizeof *buffer;
+        for (size_t i = 0; i < size; i++)
+            buffer[i] = indices[done + i] + offset;
+        status = spool_append(&ingest->face_spool, buffer, size * sizeof *buffer);
+        done += size;
+    }
+    return status;
+}
+
+/* As a fan, noted for later. */
+static enum status append_polygon(struct ingest *ingest, uint64_t face, uint32_t size,
+                                  const uint32_t *indices)
+{
+    struct ingest_polygon polygon = {(uint32_t)ingest->face_count, size};
+    enum status status = count_faces(ingest, size - 2);
+    if (status == STATUS_OK)
+        status = watch_indices(ingest, face, indices, size, size);
+    if (status == STATUS_OK)
+        status = spool_append(&ingest->polygon_spool, &polygon, sizeof polygon);
+    uint32_t offset = (uint32_t)current(ingest)->vertex_first;
+    uint32_t buffer[3 * 256];
+    size_t used = 0;
+    for (uint32_t i = 2; i < size && status == STATUS_OK; i++) {
+        buffer[used++] = indices[0] + offset;
+        buffer[used++] = indices[i - 1] + offset;
+        buffer[used++] = indices[i] + offset;
+        if (used == sizeof buffer / sizeof *buffer || i + 1 == size) {
+            status = spool_append(&ingest->face_spool, buffer, used * sizeof *buffer);
+            used = 0;
+        }
+    }
+    ingest->polygon_faces += size - 2;
+    return status;
+}
+
+static enum status sink_faces(void *user, uint64_t first_face, size_t count, const uint32_t *sizes,
+                              const uint32_t *indices)
+{
+    struct ingest *ingest = user;
+    ingest->input_faces += count;
+    if (!sizes)
+        return append_triangles(ingest, first_face, count, indices);
+    enum status status = STATUS_OK;
+    for (size_t i = 0; i < count && status == STATUS_OK;) {
+        size_t run = 0;
+        while (i + run < count && sizes[i + run] == 3)
+            run++;
+        if (run) {
+            status = append_triangles(ingest, first_face + i, run, indices);
+            indices += 3 * run;
+            i += run;
+        } else if (sizes[i] < 3) {
+            status = fail(ingest->ctx, STATUS_BAD_INPUT, "%s: face %llu has %lu corners",
+                          current(ingest)->name, (unsigned long long)(first_face + i),
+                          (unsigned long)sizes[i]);
+        } else {
+            status = append_polygon(ingest, first_face + i, sizes[i], indices);
+            indices += sizes[i];
+            i++;
+        }
+    }
+    return status;
+}
+
+/* ---- an input from begin to end ---- */
+
+enum status ingest_begin(struct ingest *ingest, const char *name, struct import_sink *sink)
+{
+    enum status status = memory_reserve(ingest->ctx, &ingest->inputs, &ingest->input_capacity,
+                                        ingest->input_count + 1, sizeof *ingest->inputs);
+    if (status != STATUS_OK)
+        return status;
+    struct ingest_input *input = &ingest->inputs[ingest->input_count++];
+    memset(input, 0, sizeof *input);
+    input->name = name;
+    input->vertex_first = ingest->vertex_count;
+    spool_init(ingest->ctx, &input->record_spool, ingest->beside, ingest->spool_limit);
+    ingest->needed_vertices = 0;
+    ingest->largest_face = 0;
+    *sink = (struct import_sink){ingest, sink_begin, sink_vertices, sink_faces};
+    return STATUS_OK;
+}
+
+enum status ingest_end(struct ingest *ingest)
+{
+    const struct ingest_input *input = current(ingest);
+    if (ingest->needed_vertices > input->vertex_count)
+        return fail(ingest->ctx, STATUS_BAD_INPUT,
+                    "%s: face %llu names vertex %llu, but there are %llu vertices", input->name,
+                    (unsigned long long)ingest->largest_face,
+                    (unsigned long long)(ingest->needed_vertices - 1),
+                    (unsigned long long)input->vertex_count);
+    return STATUS_OK;
+}
+
+/* ---- polygons ---- */
+
+struct polygon_scratch {
+    double *points; /* 3 a corner */
+    size_t points_capacity;
+    uint32_t *corners;
+    size_t corner_capacity;
+    uint32_t *triangles; /* 3 a triangle, corners of the polygon */
+    size_t triangle_capacity;
+    struct triangulation_workspace workspace;
+};
+
+static enum status triangulate_polygon(struct ingest *ingest, const struct ingest_polygon *polygon,
+                                       struct polygon_scratch *scratch)
+{
+    struct context *ctx = ingest->ctx;
+    const uint32_t n = polygon->size;
+    uint32_t *fan = ingest->faces + 3 * (size_t)polygon->first;
+    enum status status = memory_reserve(ctx, &scratch->points, &scratch->points_capacity,
+                                        3 * (size_t)n, sizeof(double));
+    if (status == STATUS_OK)
+        status = memory_reserve(ctx, &scratch->corners, &scratch->corner_capacity, n, 4);
+    if (status == STATUS_OK)
+        status =
+            memory_reserve(ctx, &scratch->triangles, &scratch->triangle_capacity, 3 * (size_t)n, 4);
+    if (status != STATUS_OK)
+        return status;
+    scratch->corners[0] = fan[0];
+    scratch->corners[1] = fan[1];
+    for (uint32_t i = 2; i < n; i++)
+        scratch->corners[i] = fan[3 * (size_t)(i - 2) + 2];
+    for (uint32_t i = 0; i < n; i++)
+        ingest_position(ingest, scratch->corners[i], scratch->points + 3 * (size_t)i);
+    enum triangulation_quality quality;
+    status = triangulate(ctx, &scratch->workspace, scratch->points, n, NULL, NULL, NULL,
+                         scratch->triangles, &quality);
+    if (status != STATUS_OK || quality == TRIANGULATION_BLOCKED)
+        return status;
+    for (size_t i = 0; i < 3 * (size_t)(n - 2); i++)
+        fan[i] = scratch->corners[scratch->triangles[i]];
+    return STATUS_OK;
+}
+
+static enum status triangulate_all(struct ingest *ingest)
+{
+    void *data;
+    const uint64_t count = ingest->polygon_spool.size / sizeof(struct ingest_polygon);
+    enum status status = spool_seal(&ingest->polygon_spool, &data);
+    const struct ingest_polygon *polygons = data;
+    struct polygon_scratch scratch = {0};
+    for (uint64_t i = 0; i < count && status == STATUS_OK; i++) {
+        if (i % POLYGON_STEP == 0)
+            status = step(ingest->ctx, "import: triangulate", i, count);
+        if (status == STATUS_OK)
+            status = triangulate_polygon(ingest, &polygons[i], &scratch);
+    }
+    memory_release(ingest->ctx, &scratch.points, scratch.points_capacity, sizeof(double));
+    memory_release(ingest->ctx, &scratch.corners, scratch.corner_capacity, 4);
+    memory_release(ingest->ctx, &scratch.triangles, scratch.triangle_capacity, 4);
+    triangulation_workspace_clear(ingest->ctx, &scratch.workspace);
+    spool_clear(&ingest->polygon_spool);
+    return status;
+}
+
+/* ---- attributes ---- */
+
+static const struct attribute *find_attribute(const struct attributes *in,
+                                              const struct attribute *wanted)
+{
+    for (uint32_t i = 0; i < in->count; i++) {
+        if (in->list[i].type == wanted->type && strcmp(in->list[i].name, wanted->name) == 0)
+            return &in->list[i];
+    }
+    return NULL;
+}
+
+static void tell_dropped(struct ingest *ingest)
+{
+    for (size_t i = 0; i < ingest->input_count; i++) {
+        const struct ingest_input *input = &ingest->inputs[i];
+        for (uint32_t a = 0; a < input->attributes.count; a++) {
+            if (!find_attribute(&ingest->attributes, &input->attributes.list[a]))
+                tell(ingest->ctx, MESSAGE_NOTE,
+                     "%s: vertex property '%s' is dropped: not all inputs have it", input->name,
+                     input->attributes.list[a].name);
+        }
+    }
+}
+
+/* What all inputs that have vertices have in common, in the order of the first. */
+static void settle_attributes(struct ingest *ingest)
+{
+    const struct ingest_input *first = NULL;
+    for (size_t i = 0; i < ingest->input_count && !first; i++) {
+        if (ingest->inputs[i].vertex_count)
+            first = &ingest->inputs[i];
+    }
+    struct attributes *common = &ingest->attributes;
+    for (uint32_t a = 0; first && a < first->attributes.count; a++) {
+        const struct attribute *wanted = &first->attributes.list[a];
+        bool everywhere = true;
+        for (size_t i = 0; i < ingest->input_count; i++) {
+            struct ingest_input *input = &ingest->inputs[i];
+            const struct attribute *found = find_attribute(&input->attributes, wanted);
+            everywhere = everywhere && (found || input->vertex_count == 0);
+            if (found)
+                input->common[common->count] = (uint32_t)(found - input->attributes.list);
+        }
+        if (!everywhere)
+            continue;
+        struct attribute *kept = &common->list[common->count++];
+        memset(kept, 0, sizeof *kept);
+        strncpy(kept->name, wanted->name, ATTRIBUTE_NAME_MAX);
+        kept->type = wanted->type;
+        kept->offset = common->stride;
+        common->stride += scalar_size(wanted->type);
+    }
+    tell_dropped(ingest);
+}
+
+void ingest_record(const struct ingest *ingest, uint64_t vertex, unsigned char *record)
+{
+    size_t at = 0;
+    while (vertex - ingest->inputs[at].vertex_first >= ingest->inputs[at].vertex_count)
+        at++;
+    const struct ingest_input *input = &ingest->inputs[at];
+    const unsigned char *from =
+        input->records + (vertex - input->vertex_first) * input->attributes.stride;
+    for (uint32_t a = 0; a < ingest->attributes.count; a++) {
+        const struct attribute *to = &ingest->attributes.list[a];
+        memcpy(record + to->offset, from + input->attributes.list[input->common[a]].offset,
+               scalar_size(to->type));
+    }
+}
+
+/* ---- the end ---- */
+
+enum status ingest_finish(struct ingest *ingest)
+{
+    void *data;
+    enum status status = spool_seal(&ingest->float_spool, &data);
+    if (status == STATUS_OK) {
+        ingest->floats = data;
+        status = spool_seal(&ingest->double_spool, &data);
+    }
+    if (status == STATUS_OK) {
+        ingest->doubles = data;
+        status = spool_seal(&ingest->face_spool, &data);
+    }
+    if (status == STATUS_OK)
+        ingest->faces = data;
+    for (size_t i = 0; i < ingest->input_count && status == STATUS_OK; i++) {
+        status = spool_seal(&ingest->inputs[i].record_spool, &data);
+        ingest->inputs[i].records = data;
+    }
+    if (status == STATUS_OK)
+        status = triangulate_all(ingest);
+    if (status == STATUS_OK)
+        settle_attributes(ingest);
+    return status;
+}

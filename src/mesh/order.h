@@ -1,0 +1,26 @@
+/*
+ * Putting faces in an order local in space.
+ */
+#ifndef SPBM_MESH_ORDER_H
+#define SPBM_MESH_ORDER_H
+
+#include "mesh/slab_geometry.h"
+
+/* How many edges a slab may have, on average, that cross to another slab, for the input's order to
+ * be kept. (A slab compact in space has about 2,000.) */
+enum { CROSSING_PER_SLAB = 4096 };
+
+/* The same for all slabs, as a limit for adjacency_build. Slabs of tests, smaller by 4^n, may have
+ * 2^n times fewer. A single slab keeps its order. */
+uint64_t order_crossing_limit(const struct draft *draft);
+
+/* Whether the order is so far from local in space that it need not be matched to be judged: more
+ * than 3/8 of all corners are vertices of earlier slabs. (A fan of any size has 1/3.) */
+bool order_is_scattered(const struct draft *draft);
+
+/* Sorts the faces along the Hilbert curve by their centres, ties in their order so far, and numbers
+ * the draft anew. The draft has no adjacency before or after. */
+enum status order_along_curve(struct draft *draft, const struct ingest *ingest,
+                              const struct frame *frame) MUST_CHECK;
+
+#endif

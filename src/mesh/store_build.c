@@ -1,0 +1,286 @@
+/*
+ * STAGE 1: any inputs in, a mesh store out.
+ *
+ * The inputs are streamed once into spools. Then the mesh is cleaned in the order that makes each
+ * step see what it needs: coincident vertices are welded before faces are judged; faces and
+ * vertices get an order local in space before anything looks at neighbours; duplicate faces go
+ * before edges are judged, or each would make its edges non-manifold; edges and vertices are
+ * separated before orientation is mended, since sides that don't belong together need not agree;
+ * and cutting a surface that is not orientable makes new fans to be separated. For a clean scan
+ * each of these is one look that finds nothing.
+ */
+#include "mesh/store.h"
+
+#include <string.h>
+
+#include "base/checksum.h"
+#include "base/bytes.h"
+#include "mesh/adjacency.h"
+#include "mesh/ingest.h"
+#include "mesh/order.h"
+#include "mesh/orient.h"
+#include "mesh/separate.h"
+#include "mesh/store_layout.h"
+#include "mesh/store_write.h"
+#include "mesh/survey.h"
+#include "mesh/weld.h"
+
+/* Separate, turn, separate what was cut, count: more rounds mean a defect. */
+enum { MENDING_ROUNDS = 6 };
+
+struct build {
+    struct context *ctx;
+    const struct import_options *options;
+    struct ingest ingest;
+    struct draft draft;
+    struct frame frame;
+    struct section_writer writer;
+    struct store_info info;
+};
+
+/* ---- reading ---- */
+
+static void remember_name(struct store_info *info, const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    const char *name = slash ? slash + 1 : path;
+    size_t length = strnlen(name, sizeof info->input_name - 1);
+    memset(info->input_name, 0, sizeof info->input_name);
+    memcpy(info->input_name, name, length);
+}
+
+static enum status read_input(struct build *build, const char *path, bool is_first)
+{
+    struct store_info *info = &build->info;
+    struct instream *stream = NULL;
+    struct import_sink sink;
+    enum status status = instream_open(build->ctx, path, &stream);
+    if (status != STATUS_OK)
+        return status;
+    if (is_first)
+        remember_name(info, instream_name(stream));
+    status = ingest_begin(&build->ingest, path, &sink);
+    if (status == STATUS_OK)
+        status = import_read(build->ctx, stream, &sink);
+    if (status == STATUS_OK)
+        status = ingest_end(&build->ingest);
+    if (status == STATUS_OK) {
+        uint32_t digest = instream_digest(stream);
+        if (is_first) {
+            info->input_digest = digest;
+        } else {
+            unsigned char bytes[4];
+            store_u32(bytes, digest);
+            info->input_digest = checksum(info->input_digest, bytes, sizeof bytes);
+        }
+        info->input_size += instream_raw_size(stream);
+    }
+    instream_close(&stream);
+    return status;
+}
+
+static enum status read_inputs(struct build *build, const char *const *inputs, size_t count)
+{
+    ingest_init(build->ctx, &build->ingest, build->draft.beside, build->draft.spool_limit);
+    for (size_t i = 0; i < count; i++) {
+        enum status status = read_input(build, inputs[i], i == 0);
+        if (status != STATUS_OK)
+            return status;
+    }
+    enum status status = ingest_finish(&build->ingest);
+    struct cleaning *cleaning = &build->info.cleaning;
+    cleaning->input_vertices = build->ingest.vertex_count;
+    cleaning->input_faces = build->ingest.input_faces;
+    cleaning->triangulated_faces = build->ingest.polygon_faces;
+    return status;
+}
+
+/* ---- cleaning ---- */
+
+static enum status has_no_faces(struct build *build, const char *why)
+{
+    return fail(build->ctx, STATUS_BAD_INPUT, "%s has no faces%s", build->ingest.inputs[0].name,
+                why);
+}
+
+/* Weld, drop degenerate faces, number by first use. */
+static enum status take_faces(struct build *build)
+{
+    struct ingest *ingest = &build->ingest;
+    struct cleaning *cleaning = &build->info.cleaning;
+    struct spool merged_spool = {0};
+    uint32_t *merged = NULL;
+    if (ingest->face_count == 0)
+        return has_no_faces(build, "");
+    enum status status = weld_find(ingest, build->options->weld, build->draft.sorter_limit,
+                                   &merged_spool, &merged, &cleaning->welded_vertices);
+    if (status == STATUS_OK)
+        status = draft_adopt_faces(&build->draft, &ingest->face_spool);
+    if (status == STATUS_OK)
+        status = draft_number(&build->draft, ingest->vertex_count, merged, NULL, 0,
+                              &cleaning->degenerate_faces);
+    spool_clear(&merged_spool);
+    if (status != STATUS_OK)
+        return status;
+    cleaning->unreferenced_vertices =
+        cleaning->input_vertices - cleaning->welded_vertices - build->draft.vertex_count;
+    if (build->draft.face_count == 0)
+        return has_no_faces(build, " but degenerate ones");
+    return frame_find(&build->draft, ingest, &build->frame);
+}
+
+/* Adjacency in the input's order if that is local in space, else in Hilbert order. */
+static enum status order_and_match(struct build *build, struct adjacency *adjacency)
+{
+    struct draft *draft = &build->draft;
+    if (!order_is_scattered(draft)) {
+        enum status status = adjacency_build(draft, order_crossing_limit(draft), adjacency);
+        if (status != STATUS_OK || !adjacency->is_over_limit)
+            return status;
+        adjacency_clear(adjacency);
+        draft_forget_adjacency(draft);
+    }
+    build->info.cleaning.hilbert_ordered = 1;
+    enum status status = order_along_curve(draft, &build->ingest, &build->frame);
+    if (status == STATUS_OK)
+        status = adjacency_build(draft, UINT64_MAX, adjacency);
+    return status;
+}
+
+/* Faces, adjacency and slabs without duplicates. */
+static enum status match_faces(struct build *build, struct adjacency *adjacency)
+{
+    struct draft *draft = &build->draft;
+    enum status status = order_and_match(build, adjacency);
+    while (status == STATUS_OK && adjacency->duplicate_count) {
+        uint64_t degenerate;
+        build->info.cleaning.duplicate_faces += adjacency->duplicate_count;
+        draft_drop_faces(draft, adjacency->duplicates);
+        adjacency_clear(adjacency);
+        status = draft_number(draft, draft->vertex_count, NULL, NULL, 0, &degenerate);
+        if (status == STATUS_OK)
+            status = adjacency_build(draft, UINT64_MAX, adjacency);
+    }
+    return status;
+}
+
+static enum status mend_orientation(struct build *build, struct survey *survey)
+{
+    struct cleaning *cleaning = &build->info.cleaning;
+    struct orient_counts counts = {0};
+    enum status status = orient_draft(&build->draft, survey, &counts);
+    cleaning->flipped_faces += counts.flipped;
+    cleaning->nonorientable_components += counts.twisted;
+    cleaning->cut_edges += counts.cut;
+    return status;
+}
+
+/* Until the survey finds a manifold that is oriented; its topology is then that of the store. */
+static enum status mend(struct build *build, struct adjacency *adjacency)
+{
+    struct cleaning *cleaning = &build->info.cleaning;
+    cleaning->nonmanifold_edges = adjacency->cut_edges;
+    enum status status = STATUS_OK;
+    for (int round = 0; round < MENDING_ROUNDS && status == STATUS_OK; round++) {
+        struct survey survey;
+        uint64_t split = 0;
+        status = survey_draft(&build->draft, &survey);
+        if (status != STATUS_OK)
+            return status;
+        const bool is_clean = survey.fan_count == 0 && !survey.is_turned;
+        build->info.topology = survey.topology;
+        if (survey.fan_count) {
+            /* Sides are to be joined again only where the separating found them. */
+            struct adjacency *cut = round == 0 ? adjacency : NULL;
+            status = separate_fans(&build->draft, &survey, cut, &split, &cleaning->vertices_added);
+            if (round == 0)
+                cleaning->nonmanifold_vertices = split;
+        } else if (survey.is_turned) {
+            status = mend_orientation(build, &survey);
+        }
+        survey_clear(&survey);
+        if (is_clean)
+            return status;
+    }
+    if (status == STATUS_OK)
+        status = fail(build->ctx, STATUS_INTERNAL, "mending the mesh does not end");
+    return status;
+}
+
+static enum status clean(struct build *build)
+{
+    struct adjacency adjacency = {0};
+    enum status status = match_faces(build, &adjacency);
+    if (status == STATUS_OK)
+        status = mend(build, &adjacency);
+    adjacency_clear(&adjacency);
+    if (status == STATUS_OK && build->info.cleaning.nonorientable_components)
+        tell(build->ctx, MESSAGE_WARNING,
+             "%llu components are not orientable and were cut along %llu edges",
+             (unsigned long long)build->info.cleaning.nonorientable_components,
+             (unsigned long long)build->info.cleaning.cut_edges);
+    return status;
+}
+
+/* ---- the whole ---- */
+
+static void describe(struct build *build)
+{
+    struct store_info *info = &build->info;
+    info->attributes = build->ingest.attributes;
+    info->is_float32 = ingest_is_float32(&build->ingest);
+    info->slab_count = build->draft.slab_count;
+    info->slab_shift = build->draft.slab_shift;
+    info->welded = build->options->weld;
+    memcpy(info->origin, build->frame.origin, sizeof info->origin);
+    memcpy(info->box_low, build->frame.low, sizeof info->box_low);
+    memcpy(info->box_high, build->frame.high, sizeof info->box_high);
+}
+
+static enum status run(struct build *build, const char *const *inputs, size_t input_count,
+                       const char *store_path)
+{
+    for (size_t i = 0; i < input_count; i++) {
+        enum status status = paths_must_differ(build->ctx, inputs[i], store_path);
+        if (status != STATUS_OK)
+            return status;
+    }
+    /* First of all, so that a place that can't be written is told before the work. */
+    enum status status =
+        section_file_create(build->ctx, store_path, STORE_MAGIC, STORE_VERSION, &build->writer);
+    if (status != STATUS_OK)
+        return status;
+    status = read_inputs(build, inputs, input_count);
+    if (status == STATUS_OK)
+        status = take_faces(build);
+    if (status == STATUS_OK)
+        status = clean(build);
+    if (status == STATUS_OK) {
+        describe(build);
+        status =
+            store_write(&build->draft, &build->ingest, &build->frame, &build->writer, &build->info);
+    }
+    if (status == STATUS_OK)
+        return section_file_finish(&build->writer, build->options->sync);
+    section_file_discard(&build->writer);
+    return status;
+}
+
+enum status store_build(struct context *ctx, const char *const *inputs, size_t input_count,
+                        const char *store_path, const struct import_options *options,
+                        struct store_info *info)
+{
+    if (input_count == 0)
+        return fail(ctx, STATUS_MISUSE, "no input is given");
+    if (options->slab_shift &&
+        (options->slab_shift < STORE_SHIFT_MIN || options->slab_shift > SLAB_SHIFT))
+        return fail(ctx, STATUS_MISUSE, "slabs can't have 2^%u faces", options->slab_shift);
+    struct build build = {.ctx = ctx, .options = options};
+    draft_init(ctx, &build.draft, store_path, options->slab_shift);
+    enum status status = run(&build, inputs, input_count, store_path);
+    draft_clear(&build.draft);
+    ingest_clear(&build.ingest);
+    if (status == STATUS_OK && info)
+        *info = build.info;
+    return status;
+}

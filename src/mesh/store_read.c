@@ -1,0 +1,408 @@
+/*
+ * Opening a store and its slabs.
+ *
+ * Nothing in the file is believed before it is checked. Opening checks what is small: info,
+ * attributes, the slab table, each of whose offsets has one possible value. A slab is checked when
+ * it is first opened: its CRC, if asked for, and always every index that it hands out, so that a
+ * later stage can't be led out of bounds by a file that somebody made with care.
+ */
+#include "mesh/store_internal.h"
+
+#include <stdatomic.h>
+#include <string.h>
+
+#include "base/checksum.h"
+#include "base/memory.h"
+#include "mesh/draft.h"
+#include "mesh/store_layout.h"
+
+struct store {
+    struct context *ctx;
+    struct section_reader reader;
+    bool verify;
+    struct store_info info;
+    const struct section *slabs;
+    struct slab_entry *entries;
+    _Atomic uint8_t *is_checked; /* a slab */
+};
+
+enum status store_damaged(const struct store *store, const char *what)
+{
+    return fail(store->ctx, STATUS_BAD_INPUT, "%s: damaged mesh store: %s", store->reader.file.path,
+                what);
+}
+
+enum status store_slab_damaged(const struct store *store, uint32_t slab, const char *what)
+{
+    return fail(store->ctx, STATUS_BAD_INPUT, "%s: damaged mesh store: slab %lu: %s",
+                store->reader.file.path, (unsigned long)slab, what);
+}
+
+/* ---- opening ---- */
+
+static enum status load_section(struct store *store, uint32_t kind, uint64_t limit,
+                                unsigned char **data, const struct section **section)
+{
+    *section = section_find(&store->reader, kind);
+    if (!*section)
+        return store_damaged(store, "a section is missing");
+    return section_load(&store->reader, *section, limit, data);
+}
+
+static enum status load_info(struct store *store)
+{
+    unsigned char *bytes = NULL;
+    const struct section *section;
+    enum status status = load_section(store, STORE_KIND_INFO, STORE_INFO_SIZE, &bytes, &section);
+    if (status != STATUS_OK)
+        return status;
+    const char *wrong = "the info is cut off";
+    if (section->length == STORE_INFO_SIZE)
+        wrong = store_info_decode(bytes, &store->info);
+    memory_release(store->ctx, &bytes, (size_t)section->length, 1);
+    return wrong ? store_damaged(store, wrong) : STATUS_OK;
+}
+
+static enum status load_attributes(struct store *store)
+{
+    unsigned char *bytes = NULL;
+    const struct section *section;
+    enum status status = load_section(store, STORE_KIND_ATTRIBUTES, 1 << 16, &bytes, &section);
+    if (status != STATUS_OK)
+        return status;
+    const char *wrong =
+        store_attributes_decode(bytes, (size_t)section->length, &store->info.attributes);
+    memory_release(store->ctx, &bytes, (size_t)section->length, 1);
+    return wrong ? store_damaged(store, wrong) : STATUS_OK;
+}
+
+/* The table leaves nothing open: each entry follows from the ones before and its counts. */
+static const char *judge_table(const struct store *store)
+{
+    const struct store_info *info = &store->info;
+    const uint64_t full = (uint64_t)1 << info->slab_shift;
+    uint64_t offset = 0, vertices = 0, faces = 0;
+    for (uint32_t i = 0; i < info->slab_count; i++) {
+        const struct slab_entry *entry = &store->entries[i];
+        uint64_t left = info->topology.faces - faces;
+        if (entry->face_count != (left < full ? left : full))
+            return "a slab has a wrong number of faces";
+        if (entry->vertex_first != vertices)
+            return "a slab's vertices are out of order";
+        if ((uint64_t)entry->vertex_count + entry->foreign_count > 3 * (uint64_t)entry->face_count)
+            return "a slab has more vertices than its faces have corners";
+        if (entry->foreign_count > entry->vertex_first)
+            return "a slab has more foreign vertices than there are before it";
+        if (entry->offset != offset)
+            return "a slab is out of place";
+        struct slab_layout layout;
+        slab_layout_find(entry, info->attributes.stride, &layout);
+        offset += layout.size;
+        vertices += entry->vertex_count;
+        faces += entry->face_count;
+    }
+    if (vertices != info->topology.vertices)
+        return "the slabs' vertices do not add up";
+    return offset == store->slabs->length ? NULL : "the slabs do not fill their section";
+}
+
+static enum status load_table(struct store *store)
+{
+    const uint32_t count = store->info.slab_count;
+    unsigned char *bytes = NULL;
+    const struct section *section;
+    enum status status = load_section(store, STORE_KIND_TABLE,
+                                      (uint64_t)count * STORE_SLAB_ENTRY_SIZE, &bytes, &section);
+    if (status != STATUS_OK)
+        return status;
+    const char *wrong = "the slab table is cut off";
+    if (section->length == (uint64_t)count * STORE_SLAB_ENTRY_SIZE) {
+        wrong = NULL;
+        status = memory_take(store->ctx, count, sizeof *store->entries, &store->entries);
+        for (uint32_t i = 0; i < count && status == STATUS_OK; i++) {
+            if (!slab_entry_decode(bytes + (size_t)i * STORE_SLAB_ENTRY_SIZE, &store->entries[i]))
+                wrong = "the slab table has bytes that are not zero";
+        }
+        if (status == STATUS_OK)
+            status = memory_take_zeroed(store->ctx, count, 1, &store->is_checked);
+    }
+    memory_release(store->ctx, &bytes, (size_t)section->length, 1);
+    store->slabs = section_find(&store->reader, STORE_KIND_SLABS);
+    if (status == STATUS_OK && !wrong)
+        wrong = store->slabs ? judge_table(store) : "a section is missing";
+    if (status == STATUS_OK && wrong)
+        status = store_damaged(store, wrong);
+    return status;
+}
+
+enum status store_open(struct context *ctx, const char *path, bool verify, struct store **out)
+{
+    struct store *store;
+    *out = NULL;
+    enum status status = memory_take_zeroed(ctx, 1, sizeof *store, &store);
+    if (status != STATUS_OK)
+        return status;
+    store->ctx = ctx;
+    store->verify = verify;
+    status =
+        section_file_open(ctx, path, STORE_MAGIC, STORE_VERSION, "a mesh store", &store->reader);
+    if (status != STATUS_OK) {
+        memory_release(ctx, &store, 1, sizeof *store);
+        return status;
+    }
+    status = load_info(store);
+    if (status == STATUS_OK)
+        status = load_attributes(store);
+    if (status == STATUS_OK)
+        status = load_table(store);
+    if (status == STATUS_OK && store->reader.count != 4)
+        status = store_damaged(store, "there are sections of an unknown kind");
+    if (status != STATUS_OK) {
+        store_close(&store);
+        return status;
+    }
+    *out = store;
+    return STATUS_OK;
+}
+
+void store_close(struct store **store)
+{
+    struct store *old = *store;
+    *store = NULL;
+    if (!old)
+        return;
+    struct context *ctx = old->ctx;
+    memory_release(ctx, &old->entries, old->info.slab_count, sizeof *old->entries);
+    memory_release(ctx, &old->is_checked, old->info.slab_count, 1);
+    section_file_close(&old->reader);
+    memory_release(ctx, &old, 1, sizeof *old);
+}
+
+const struct store_info *store_info(const struct store *store)
+{
+    return &store->info;
+}
+
+struct context *store_context(const struct store *store)
+{
+    return store->ctx;
+}
+
+const char *store_path(const struct store *store)
+{
+    return store->reader.file.path;
+}
+
+struct section_reader *store_reader(struct store *store)
+{
+    return &store->reader;
+}
+
+/* ---- a slab ---- */
+
+static bool foreign_has(const struct slab *slab, uint32_t vertex)
+{
+    if (slab->foreign_count == 0)
+        return false;
+    return slab->foreign[foreign_rank(slab->foreign, slab->foreign_count, vertex)] == vertex;
+}
+
+static const char *judge_vertices(const struct slab *slab)
+{
+    for (uint32_t i = 0; i < slab->foreign_count; i++) {
+        if (slab->foreign[i] >= slab->vertex_first ||
+            (i && slab->foreign[i] <= slab->foreign[i - 1]))
+            return "the foreign vertices are not in order";
+    }
+    const uint32_t first = slab->vertex_first, own = slab->vertex_end - slab->vertex_first;
+    const size_t corners = 3 * (size_t)slab->face_count;
+    for (size_t i = 0; i < corners; i++) {
+        if (slab->faces[i] - first >= own && !foreign_has(slab, slab->faces[i]))
+            return "a face names a vertex that the slab does not have";
+    }
+    for (size_t i = 0; i < corners; i += 3) {
+        const uint32_t *face = slab->faces + i;
+        if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0])
+            return "a face names a vertex twice";
+    }
+    return NULL;
+}
+
+/* No infinity, no NaN. */
+static bool is_finite(const float *values, size_t count)
+{
+    bool all = true;
+    for (size_t i = 0; i < count; i++) {
+        uint32_t bits;
+        memcpy(&bits, &values[i], sizeof bits);
+        all &= (bits & 0x7f800000) != 0x7f800000;
+    }
+    return all;
+}
+
+/* Neighbours exist, and those within the slab agree on the edge. */
+static const char *judge_neighbours(const struct slab *slab, uint64_t face_count)
+{
+    for (uint32_t f = 0; f < slab->face_count; f++) {
+        const uint32_t *over = slab->neighbours + 3 * (size_t)f;
+        if (slab->mates[f] >> 6)
+            return "a face's mates have bits that are not zero";
+        for (unsigned k = 0; k < 3; k++) {
+            unsigned mate = mate_of(slab->mates, f, k);
+            if (over[k] == NO_INDEX && mate == 0)
+                continue;
+            if (over[k] >= face_count || mate == 3)
+                return "a face has an impossible neighbour";
+            uint32_t there = over[k] - slab->face_first;
+            if (there >= slab->face_count)
+                continue;
+            if (slab->neighbours[3 * (size_t)there + mate] != slab->face_first + f ||
+                mate_of(slab->mates, there, mate) != k)
+                return "two neighbours do not agree";
+        }
+    }
+    return NULL;
+}
+
+static enum status check_slab(struct store *store, const struct slab *slab)
+{
+    if (atomic_load_explicit(&store->is_checked[slab->index], memory_order_acquire))
+        return STATUS_OK;
+    const struct window *window = &slab->windows[0];
+    if (store->verify && checksum(0, window->data, window->size) != store->entries[slab->index].crc)
+        return store_slab_damaged(store, slab->index, "its checksum is wrong");
+    const char *wrong = judge_vertices(slab);
+    if (!wrong &&
+        (!is_finite(slab->positions, 3 * (size_t)(slab->vertex_end - slab->vertex_first)) ||
+         !is_finite(slab->foreign_positions, 3 * (size_t)slab->foreign_count)))
+        wrong = "a coordinate is not finite";
+    if (!wrong)
+        wrong = judge_neighbours(slab, store->info.topology.faces);
+    if (wrong)
+        return store_slab_damaged(store, slab->index, wrong);
+    atomic_store_explicit(&store->is_checked[slab->index], 1, memory_order_release);
+    return STATUS_OK;
+}
+
+enum status slab_open(struct store *store, uint32_t index, struct slab *slab)
+{
+    memset(slab, 0, sizeof *slab);
+    if (index >= store->info.slab_count)
+        return fail(store->ctx, STATUS_MISUSE, "there is no slab %lu", (unsigned long)index);
+    const struct slab_entry *entry = &store->entries[index];
+    struct slab_layout layout;
+    slab_layout_find(entry, store->info.attributes.stride, &layout);
+    struct window *window = &slab->windows[0];
+    enum status status =
+        window_open(&store->reader.file, store->slabs->offset + entry->offset, layout.size, window);
+    if (status != STATUS_OK)
+        return status;
+    const unsigned char *block = window->data;
+    slab->index = index;
+    slab->face_first = (uint32_t)((uint64_t)index << store->info.slab_shift);
+    slab->face_count = entry->face_count;
+    slab->vertex_first = entry->vertex_first;
+    slab->vertex_end = entry->vertex_first + entry->vertex_count;
+    slab->foreign_count = entry->foreign_count;
+    slab->faces = (const uint32_t *)(const void *)(block + layout.faces);
+    slab->neighbours = (const uint32_t *)(const void *)(block + layout.neighbours);
+    slab->mates = block + layout.mates;
+    slab->positions = (const float *)(const void *)(block + layout.positions);
+    slab->foreign = (const uint32_t *)(const void *)(block + layout.foreign);
+    slab->foreign_positions = (const float *)(const void *)(block + layout.foreign_positions);
+    slab->records = store->info.attributes.stride ? block + layout.records : NULL;
+    status = check_slab(store, slab);
+    if (status != STATUS_OK)
+        slab_close(slab);
+    return status;
+}
+
+void slab_close(struct slab *slab)
+{
+    window_close(&slab->windows[0]);
+    memset(slab, 0, sizeof *slab);
+}
+
+const float *slab_position(const struct slab *slab, uint32_t vertex)
+{
+    if (vertex - slab->vertex_first < slab->vertex_end - slab->vertex_first)
+        return slab->positions + 3 * (size_t)(vertex - slab->vertex_first);
+    return slab->foreign_positions +
+           3 * (size_t)foreign_rank(slab->foreign, slab->foreign_count, vertex);
+}
+
+/* ---- beyond a slab ---- */
+
+enum status store_record(struct store *store, uint32_t vertex, unsigned char *record)
+{
+    const uint32_t stride = store->info.attributes.stride;
+    if (vertex >= store->info.topology.vertices)
+        return fail(store->ctx, STATUS_MISUSE, "there is no vertex %lu", (unsigned long)vertex);
+    uint32_t low = 0, high = store->info.slab_count;
+    while (high - low > 1) {
+        uint32_t middle = low + (high - low) / 2;
+        if (store->entries[middle].vertex_first <= vertex)
+            low = middle;
+        else
+            high = middle;
+    }
+    if (store->verify && !atomic_load_explicit(&store->is_checked[low], memory_order_acquire)) {
+        struct slab slab;
+        enum status status = slab_open(store, low, &slab);
+        if (status != STATUS_OK)
+            return status;
+        slab_close(&slab);
+    }
+    const struct slab_entry *entry = &store->entries[low];
+    struct slab_layout layout;
+    slab_layout_find(entry, stride, &layout);
+    uint64_t at = store->slabs->offset + entry->offset + layout.records +
+                  (uint64_t)(vertex - entry->vertex_first) * stride;
+    return input_read(&store->reader.file, at, record, stride);
+}
+
+static enum status take_mesh(struct context *ctx, const struct store_info *info, struct mesh *mesh)
+{
+    memset(mesh, 0, sizeof *mesh);
+    const size_t vertices = (size_t)info->topology.vertices, faces = (size_t)info->topology.faces;
+    enum status status = memory_take(ctx, vertices, 3 * sizeof(double), &mesh->positions);
+    if (status != STATUS_OK)
+        return status;
+    mesh->vertex_count = vertices;
+    mesh->attributes = info->attributes;
+    mesh->is_float32 = info->is_float32;
+    status = memory_take(ctx, faces, 3 * sizeof(uint32_t), &mesh->faces);
+    if (status == STATUS_OK)
+        mesh->face_count = faces;
+    if (status == STATUS_OK && info->attributes.stride)
+        status = memory_take(ctx, vertices, info->attributes.stride, &mesh->records);
+    return status;
+}
+
+static void copy_slab(const struct store_info *info, const struct slab *slab, struct mesh *mesh)
+{
+    const size_t own = slab->vertex_end - slab->vertex_first, first = slab->vertex_first;
+    const size_t stride = info->attributes.stride;
+    memcpy(mesh->faces + 3 * (size_t)slab->face_first, slab->faces,
+           3 * sizeof(uint32_t) * slab->face_count);
+    for (size_t i = 0; i < 3 * own; i++)
+        mesh->positions[3 * first + i] = info->origin[i % 3] + (double)slab->positions[i];
+    if (stride)
+        memcpy(mesh->records + first * stride, slab->records, own * stride);
+}
+
+enum status store_load(struct store *store, struct mesh *mesh)
+{
+    enum status status = take_mesh(store->ctx, &store->info, mesh);
+    for (uint32_t i = 0; i < store->info.slab_count && status == STATUS_OK; i++) {
+        struct slab slab;
+        status = slab_open(store, i, &slab);
+        if (status != STATUS_OK)
+            break;
+        copy_slab(&store->info, &slab, mesh);
+        slab_close(&slab);
+    }
+    if (status != STATUS_OK)
+        mesh_clear(store->ctx, mesh);
+    return status;
+}

@@ -1,0 +1,235 @@
+/*
+ * The store is written front to back, a slab's block at a time: workers gather positions and
+ * records, measure and compute the CRC; one thread appends. Faces and adjacency go out as they lie
+ * in the draft.
+ */
+#include "mesh/store_write.h"
+
+#include <string.h>
+
+#include "base/checksum.h"
+#include "base/memory.h"
+#include "base/parallel.h"
+#include "mesh/store_layout.h"
+
+enum { PIECES = 7 };
+
+struct piece {
+    const void *data;
+    uint64_t size;
+    uint64_t offset; /* in the block */
+};
+
+struct block { /* a slab in flight */
+    struct slab_scope scope;
+    float *positions;
+    size_t positions_capacity;
+    float *foreign_positions;
+    size_t foreign_capacity;
+    unsigned char *records;
+    size_t record_capacity;
+    struct piece pieces[PIECES];
+    struct slab_measures measures;
+    struct slab_entry entry;
+    struct slab_layout layout;
+};
+
+struct writing {
+    struct draft *draft;
+    const struct ingest *ingest;
+    const struct frame *frame;
+    struct section_writer *writer;
+    struct block *blocks;
+    unsigned in_flight;
+    unsigned char *table; /* the entries, encoded */
+    struct slab_measures measures;
+    uint64_t offset;
+};
+
+static const unsigned char zeros[STORE_PIECE_ALIGN];
+
+/* ---- in a worker ---- */
+
+static enum status gather(struct writing *w, struct block *b)
+{
+    struct context *ctx = w->draft->ctx;
+    const struct slab_scope *scope = &b->scope;
+    const size_t stride = w->ingest->attributes.stride;
+    enum status status = memory_reserve(ctx, &b->positions, &b->positions_capacity,
+                                        3 * (size_t)scope->own_count, sizeof(float));
+    if (status == STATUS_OK)
+        status = memory_reserve(ctx, &b->foreign_positions, &b->foreign_capacity,
+                                3 * (size_t)scope->foreign_count, sizeof(float));
+    if (status == STATUS_OK)
+        status =
+            memory_reserve(ctx, &b->records, &b->record_capacity, scope->own_count * stride, 1);
+    if (status != STATUS_OK)
+        return status;
+    for (uint32_t i = 0; i < scope->own_count; i++)
+        frame_position(w->frame, w->draft, w->ingest, scope->vertex_first + i,
+                       b->positions + 3 * (size_t)i);
+    for (uint32_t i = 0; i < scope->foreign_count; i++)
+        frame_position(w->frame, w->draft, w->ingest, scope->foreign[i],
+                       b->foreign_positions + 3 * (size_t)i);
+    for (uint32_t i = 0; stride && i < scope->own_count; i++) {
+        uint32_t v = scope->vertex_first + i;
+        ingest_record(w->ingest, w->draft->source ? w->draft->source[v] : v,
+                      b->records + i * stride);
+    }
+    return STATUS_OK;
+}
+
+static void lay_out(struct writing *w, struct block *b)
+{
+    const struct draft *draft = w->draft;
+    const struct slab_scope *scope = &b->scope;
+    const uint64_t faces = scope->face_count, own = scope->own_count;
+    const uint64_t foreign = scope->foreign_count, first = scope->face_first;
+    b->entry = (struct slab_entry){.vertex_first = scope->vertex_first,
+                                   .vertex_count = scope->own_count,
+                                   .foreign_count = scope->foreign_count,
+                                   .face_count = scope->face_count};
+    struct slab_layout *at = &b->layout;
+    slab_layout_find(&b->entry, w->ingest->attributes.stride, at);
+    struct piece *p = b->pieces;
+    p[0] = (struct piece){draft->faces + 3 * first, 12 * faces, at->faces};
+    p[1] = (struct piece){draft->neighbours + 3 * first, 12 * faces, at->neighbours};
+    p[2] = (struct piece){draft->mates + first, faces, at->mates};
+    p[3] = (struct piece){b->positions, 12 * own, at->positions};
+    p[4] = (struct piece){scope->foreign, 4 * foreign, at->foreign};
+    p[5] = (struct piece){b->foreign_positions, 12 * foreign, at->foreign_positions};
+    p[6] = (struct piece){b->records, own * w->ingest->attributes.stride, at->records};
+}
+
+/* Bytes of padding behind piece i. */
+static size_t gap_behind(const struct block *b, int i)
+{
+    uint64_t end = b->pieces[i].offset + b->pieces[i].size;
+    uint64_t next = i + 1 < PIECES ? b->pieces[i + 1].offset : b->layout.size;
+    return (size_t)(next - end);
+}
+
+static enum status prepare_block(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct writing *w = user;
+    struct block *b = &w->blocks[job % w->in_flight];
+    enum status status = scope_enter(w->draft, (uint32_t)job, &b->scope);
+    if (status == STATUS_OK)
+        status = gather(w, b);
+    if (status != STATUS_OK)
+        return status;
+    measure_slab(w->draft, &b->scope, b->positions, b->foreign_positions, &b->measures);
+    lay_out(w, b);
+    uint32_t crc = 0;
+    for (int i = 0; i < PIECES; i++) {
+        if (b->pieces[i].size)
+            crc = checksum(crc, b->pieces[i].data, (size_t)b->pieces[i].size);
+        crc = checksum(crc, zeros, gap_behind(b, i));
+    }
+    b->entry.crc = crc;
+    return STATUS_OK;
+}
+
+/* ---- in order ---- */
+
+static enum status append_block(void *user, uint64_t job)
+{
+    struct writing *w = user;
+    struct block *b = &w->blocks[job % w->in_flight];
+    measures_add(&w->measures, &b->measures);
+    b->entry.offset = w->offset;
+    w->offset += b->layout.size;
+    slab_entry_encode(&b->entry, w->table + job * STORE_SLAB_ENTRY_SIZE);
+    enum status status = STATUS_OK;
+    for (int i = 0; i < PIECES && status == STATUS_OK; i++) {
+        status = section_append(w->writer, b->pieces[i].data, (size_t)b->pieces[i].size);
+        if (status == STATUS_OK)
+            status = section_append(w->writer, zeros, gap_behind(b, i));
+    }
+    if (status == STATUS_OK)
+        status = step(w->draft->ctx, "import: write", job, w->draft->slab_count);
+    return status;
+}
+
+static enum status write_section(struct section_writer *writer, uint32_t kind, const void *data,
+                                 size_t size)
+{
+    enum status status = section_begin(writer, kind);
+    if (status == STATUS_OK)
+        status = section_append(writer, data, size);
+    if (status == STATUS_OK)
+        status = section_end(writer);
+    return status;
+}
+
+static enum status write_attributes(struct context *ctx, const struct attributes *attributes,
+                                    struct section_writer *writer)
+{
+    size_t size = store_attributes_size(attributes);
+    unsigned char *bytes;
+    enum status status = memory_take(ctx, size, 1, &bytes);
+    if (status != STATUS_OK)
+        return status;
+    store_attributes_encode(attributes, bytes);
+    status = write_section(writer, STORE_KIND_ATTRIBUTES, bytes, size);
+    memory_release(ctx, &bytes, size, 1);
+    return status;
+}
+
+static enum status write_slabs(struct writing *w)
+{
+    enum status status = section_begin(w->writer, STORE_KIND_SLABS);
+    if (status == STATUS_OK)
+        status = parallel_ordered(w->draft->ctx, w->draft->slab_count, w->in_flight, prepare_block,
+                                  append_block, w);
+    if (status == STATUS_OK)
+        status = section_end(w->writer);
+    return status;
+}
+
+static void release(struct writing *w)
+{
+    struct context *ctx = w->draft->ctx;
+    for (unsigned i = 0; w->blocks && i < w->in_flight; i++) {
+        struct block *b = &w->blocks[i];
+        scope_clear(&b->scope);
+        memory_release(ctx, &b->positions, b->positions_capacity, sizeof(float));
+        memory_release(ctx, &b->foreign_positions, b->foreign_capacity, sizeof(float));
+        memory_release(ctx, &b->records, b->record_capacity, 1);
+    }
+    memory_release(ctx, &w->blocks, w->in_flight, sizeof *w->blocks);
+    memory_release(ctx, &w->table, w->draft->slab_count, STORE_SLAB_ENTRY_SIZE);
+}
+
+enum status store_write(struct draft *draft, const struct ingest *ingest, const struct frame *frame,
+                        struct section_writer *writer, struct store_info *info)
+{
+    struct context *ctx = draft->ctx;
+    struct writing w = {.draft = draft,
+                        .ingest = ingest,
+                        .frame = frame,
+                        .writer = writer,
+                        .in_flight = ctx->threads + 1};
+    enum status status = memory_take_zeroed(ctx, w.in_flight, sizeof *w.blocks, &w.blocks);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, draft->slab_count, STORE_SLAB_ENTRY_SIZE, &w.table);
+    if (status == STATUS_OK)
+        status = write_slabs(&w);
+    if (status == STATUS_OK)
+        status = write_section(writer, STORE_KIND_TABLE, w.table,
+                               (size_t)draft->slab_count * STORE_SLAB_ENTRY_SIZE);
+    if (status == STATUS_OK)
+        status = write_attributes(ctx, &ingest->attributes, writer);
+    if (status == STATUS_OK) {
+        info->mean_edge = measures_mean_edge(&w.measures);
+        info->noise = measures_noise(&w.measures);
+        info->area = w.measures.area;
+        info->cleaning.zero_area_faces = w.measures.zero_area_faces;
+        unsigned char bytes[STORE_INFO_SIZE];
+        store_info_encode(info, bytes);
+        status = write_section(writer, STORE_KIND_INFO, bytes, sizeof bytes);
+    }
+    release(&w);
+    return status;
+}
