@@ -1,0 +1,262 @@
+/*
+ * STAGE 2: patches and chains of a store. Slabs are jobs: each is mapped, grown, traced and packed by
+ * one worker, and its block is written in the order of the slabs, so that neither threads nor memory
+ * show in the file. What is held is in proportion to the slabs in flight; the seams go through
+ * seam_join, which sorts outside of memory.
+ */
+#include <string.h>
+
+#include "base/bytes.h"
+#include "base/memory.h"
+#include "base/parallel.h"
+#include "simplify/chain_trace.h"
+#include "simplify/patchify.h"
+#include "simplify/seam_join.h"
+#include "simplify/simplify.h"
+
+enum { SEAM_LIMIT_MAX = 64 << 20, SEAM_LIMIT_MIN = 1 << 20 };
+
+struct worker {
+    struct patch_workspace grow;
+    struct trace_workspace trace;
+    uint32_t *labels;
+    size_t label_capacity;
+};
+
+/* What a job hands to its finish; the block is kept for its seam vertices. */
+struct result {
+    struct chain_block block;
+    struct slab_seams seams;
+    struct trace_counts counts;
+    unsigned char *packed;
+    size_t packed_size;
+};
+
+struct build {
+    struct context *ctx;
+    struct store *store;
+    uint32_t stride;
+    uint32_t slab_count;
+    struct patch_options options;
+    int level;
+    struct worker *workers;
+    unsigned worker_count;
+    struct result *results; /* job j uses place j % in_flight */
+    unsigned in_flight;
+    struct chain_writer *writer;
+    struct seam_join *join;
+    struct chain_info info;
+};
+
+/* ---- one slab ---- */
+
+static enum status make_block(struct build *build, const struct slab *slab, struct worker *worker,
+                              struct result *result)
+{
+    struct context *ctx = build->ctx;
+    enum status status = memory_reserve(ctx, &worker->labels, &worker->label_capacity,
+                                        slab->face_count, sizeof *worker->labels);
+    uint32_t patch_count = 0;
+    if (!status)
+        status = patch_grow(ctx, slab, &build->options, &worker->grow, worker->labels,
+                            &patch_count);
+    if (!status)
+        status = chain_trace(ctx, build->store, build->stride, slab, &worker->grow, worker->labels,
+                             patch_count, &worker->trace, &result->block, &result->seams,
+                             &result->counts);
+    if (!status)
+        status = chain_block_pack(ctx, &result->block, build->stride, build->level,
+                                  &result->packed, &result->packed_size);
+    return status;
+}
+
+static enum status work(void *user, uint64_t job, unsigned worker)
+{
+    struct build *build = user;
+    struct slab slab = {0};
+    enum status status = slab_open(build->store, (uint32_t)job, &slab);
+    if (!status)
+        status = make_block(build, &slab, &build->workers[worker],
+                            &build->results[job % build->in_flight]);
+    slab_close(&slab);
+    return status;
+}
+
+static void clear_result(struct build *build, struct result *result)
+{
+    chain_block_clear(build->ctx, build->stride, &result->block);
+    slab_seams_clear(build->ctx, &result->seams);
+    memory_release(build->ctx, &result->packed, result->packed_size, 1);
+    memset(result, 0, sizeof *result);
+}
+
+static void count_block(struct chain_info *info, const struct result *result)
+{
+    const struct chain_block *block = &result->block;
+    uint64_t interiors = 0;
+    for (uint32_t i = 0; i < block->chain_count; i++)
+        interiors += block->chains[i].interior_count;
+    info->patches += block->patch_count;
+    info->chains += block->chain_count;
+    info->junctions += block->junction_count;
+    info->chain_vertices += block->junction_count + interiors;
+    info->most_faces += result->counts.most_faces;
+}
+
+static enum status finish(void *user, uint64_t job)
+{
+    struct build *build = user;
+    struct result *result = &build->results[job % build->in_flight];
+    enum status status =
+        chain_writer_block(build->writer, result->packed, result->packed_size);
+    if (!status)
+        status = seam_join_add(build->join, &result->block, &result->seams);
+    count_block(&build->info, result);
+    clear_result(build, result);
+    return status ? status : step(build->ctx, "patchify", job + 1, build->slab_count);
+}
+
+/* ---- the seams ---- */
+
+static enum status write_seams(struct build *build)
+{
+    struct seam_counts counts;
+    enum status status = seam_join_link(build->join, &counts);
+    if (status)
+        return status;
+    build->info.chains += counts.chains;
+    build->info.seam_chains = counts.chains;
+    build->info.junctions += counts.junctions;
+    build->info.chain_vertices += counts.vertices;
+    for (uint32_t slab = 0; slab < build->slab_count && !status; slab++) {
+        struct chain_block block;
+        status = seam_join_next(build->join, &block);
+        if (status)
+            break;
+        status = chain_writer_seams(build->writer, &block);
+        chain_block_clear(build->ctx, 0, &block);
+    }
+    return status;
+}
+
+/* ---- opening, info, clean-up ---- */
+
+/* The CRC of the store's frame, in its end marker: says which store the chains came from. */
+static enum status read_store_crc(struct context *ctx, const char *path, uint32_t *crc)
+{
+    struct input_file file;
+    unsigned char marker[32];
+    enum status status = input_open(ctx, path, &file);
+    if (status)
+        return status;
+    if (file.size < sizeof marker)
+        status = fail(ctx, STATUS_BAD_INPUT, "%s: too short for a mesh store", path);
+    if (!status)
+        status = input_read(&file, file.size - sizeof marker, marker, sizeof marker);
+    if (!status)
+        *crc = load_u32(marker + 12);
+    input_close(&file);
+    return status;
+}
+
+static void fill_info(struct chain_info *info, const struct store_info *store,
+                      const struct target *target, const struct patch_options *options)
+{
+    memset(info, 0, sizeof *info);
+    info->topology = store->topology;
+    info->attributes = store->attributes;
+    memcpy(info->origin, store->origin, sizeof info->origin);
+    memcpy(info->box_low, store->box_low, sizeof info->box_low);
+    memcpy(info->box_high, store->box_high, sizeof info->box_high);
+    info->mean_edge = store->mean_edge;
+    info->noise = store->noise;
+    info->area = store->area;
+    info->is_float32 = store->is_float32;
+    info->slab_count = store->slab_count;
+    info->options = *options;
+    info->mode = (uint32_t)target->mode;
+    info->effort = target->effort;
+    info->target_kind = (uint32_t)target->kind;
+    info->target_count = target->count;
+    memcpy(info->targets, target->values, target->count * sizeof *target->values);
+}
+
+static uint64_t seam_limit(const struct context *ctx)
+{
+    uint64_t limit = ctx->memory_budget / 8;
+    if (limit > SEAM_LIMIT_MAX)
+        limit = SEAM_LIMIT_MAX;
+    return limit < SEAM_LIMIT_MIN ? SEAM_LIMIT_MIN : limit;
+}
+
+static enum status open_all(struct build *build, const char *store_path, const char *chain_path,
+                            const struct target *target, const struct patch_request *request)
+{
+    struct context *ctx = build->ctx;
+    if (target->count > TARGETS_MAX)
+        return fail(ctx, STATUS_MISUSE, "%u targets; at most %d are possible", target->count,
+                    (int)TARGETS_MAX);
+    enum status status = paths_must_differ(ctx, store_path, chain_path);
+    if (!status)
+        status = store_open(ctx, store_path, true, &build->store);
+    if (status)
+        return status;
+    const struct store_info *store = store_info(build->store);
+    patch_choose(store, target, request, &build->options);
+    fill_info(&build->info, store, target, &build->options);
+    build->info.tolerance = build->options.chain_tolerance;
+    build->stride = store->attributes.stride;
+    build->slab_count = store->slab_count;
+    build->level = request->level;
+    build->worker_count = ctx->threads ? ctx->threads : 1;
+    build->in_flight = 2 * build->worker_count;
+    status = read_store_crc(ctx, store_path, &build->info.store_crc);
+    if (!status)
+        status = memory_take_zeroed(ctx, build->worker_count, sizeof *build->workers,
+                                    &build->workers);
+    if (!status)
+        status =
+            memory_take_zeroed(ctx, build->in_flight, sizeof *build->results, &build->results);
+    if (!status)
+        status = chain_writer_open(ctx, chain_path, build->level, build->slab_count, build->stride,
+                                   &build->writer);
+    if (!status)
+        status = seam_join_open(ctx, chain_path, seam_limit(ctx), build->slab_count, &build->join);
+    return status;
+}
+
+static void release_workers(struct build *build)
+{
+    struct context *ctx = build->ctx;
+    for (unsigned i = 0; build->workers && i < build->worker_count; i++) {
+        struct worker *worker = &build->workers[i];
+        patch_workspace_clear(ctx, &worker->grow);
+        trace_workspace_clear(ctx, &worker->trace);
+        memory_release(ctx, &worker->labels, worker->label_capacity, sizeof *worker->labels);
+    }
+    for (unsigned i = 0; build->results && i < build->in_flight; i++)
+        clear_result(build, &build->results[i]);
+    memory_release(ctx, &build->workers, build->worker_count, sizeof *build->workers);
+    memory_release(ctx, &build->results, build->in_flight, sizeof *build->results);
+}
+
+enum status chain_build(struct context *ctx, const char *store_path, const char *chain_path,
+                        const struct target *target, const struct patch_request *request,
+                        struct chain_info *info)
+{
+    struct build build = {.ctx = ctx};
+    enum status status = open_all(&build, store_path, chain_path, target, request);
+    if (!status)
+        status = parallel_ordered(ctx, build.slab_count, build.in_flight, work, finish, &build);
+    release_workers(&build); /* before the seams take their share */
+    if (!status)
+        status = write_seams(&build);
+    if (!status)
+        status = chain_writer_commit(&build.writer, &build.info, request->sync);
+    chain_writer_discard(&build.writer);
+    seam_join_close(&build.join);
+    store_close(&build.store);
+    if (!status && info)
+        *info = build.info;
+    return status;
+}

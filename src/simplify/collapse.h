@@ -1,0 +1,75 @@
+/*
+ * Edge collapse on a mesh in memory by least error: Lindstrom and Turk's memoryless volume- and
+ * boundary-preserving placement ("Fast and Memory Efficient Polygonal Simplification", IEEE
+ * Visualization 1998), or input vertices only. Every collapse passes the link condition, keeps
+ * faces from flipping and from becoming slivers, so that invariants M1 to M4 of mesh.h, border
+ * loops, components and the Euler characteristic hold after each.
+ *
+ * The result depends on the input's order and the options alone.
+ */
+#ifndef SPBM_SIMPLIFY_COLLAPSE_H
+#define SPBM_SIMPLIFY_COLLAPSE_H
+
+#include "mesh/mesh.h"
+
+struct collapse_options {
+    bool subset;     /* keep input vertices where they are */
+    uint32_t effort; /* 1: fastest, batches of independent edges; 2: default; 3: most accurate */
+    double border_weight; /* of the boundary term; 0: the default */
+    bool keep_guards;     /* rather stop than make slivers and turn faces over, where only these
+                             stand in the way of fewer faces */
+};
+
+struct collapse; /* the mesh being simplified */
+
+/*
+ * Takes a mesh that holds M1 to M4. Positions (3 doubles), faces and records are copied in compact
+ * form; the caller may release them at once. `locked`: one byte a vertex, not 0 where a vertex must
+ * neither move nor vanish (NULL: none). `base_error`: one float a vertex, the error that the mesh
+ * already has there against the original (NULL: none); estimates begin with it.
+ */
+enum status collapse_begin(struct context *ctx, const struct collapse_options *options,
+                           uint64_t vertex_count, uint64_t face_count, const double *positions,
+                           const uint32_t *faces, const struct attributes *attributes,
+                           const unsigned char *records, const unsigned char *locked,
+                           const float *base_error, struct collapse **out) MUST_CHECK;
+
+/* The same for a mesh in compact form that is given away, so that it need not be held twice: the
+ * arrays are released, on failure too. Positions and errors are float32; positions are kept as they
+ * are. Any of locked, errors and records may be NULL. */
+struct collapse_mesh {
+    uint64_t vertex_count, face_count;
+    float *positions;
+    uint32_t *faces;
+    float *errors;
+    unsigned char *locked;
+    unsigned char *records;
+};
+
+enum status collapse_begin_giving(struct context *ctx, const struct collapse_options *options,
+                                  struct collapse_mesh *mesh, const struct attributes *attributes,
+                                  struct collapse **out) MUST_CHECK;
+void collapse_mesh_clear(struct context *ctx, uint32_t stride, struct collapse_mesh *mesh);
+
+/* Collapses until at most `most_faces` faces are left or the next one would pass `most_error`
+ * (estimated distance, INFINITY: none) or nothing can be collapsed. May be called again with lower
+ * targets: all levels come from one sequence. */
+enum status collapse_run(struct collapse *collapse, uint64_t most_faces,
+                         double most_error) MUST_CHECK;
+
+uint64_t collapse_faces(const struct collapse *collapse);
+double collapse_error(const struct collapse *collapse); /* estimated largest distance so far */
+bool collapse_exhausted(const struct collapse *collapse);
+
+/* The present mesh, vertices numbered by first use in face order, faces in their input's order.
+ * `sources` (may be NULL): for each vertex the input vertex it came from. The caller owns *mesh. */
+enum status collapse_extract(struct collapse *collapse, struct mesh *mesh,
+                             uint32_t **sources) MUST_CHECK;
+
+/* The same in compact form, with error estimates, for a mesh that goes on to another collapse;
+ * `locked` stays NULL. Positions must have been float32 (or given away). */
+enum status collapse_extract_compact(struct collapse *collapse, struct collapse_mesh *mesh,
+                                     uint32_t **sources) MUST_CHECK;
+void collapse_end(struct collapse **collapse);
+
+#endif

@@ -1,0 +1,126 @@
+/*
+ * The mesh while its edges are collapsed, shared by the collapse_*.c files and nobody else.
+ *
+ * What is used together lies together, because a look at memory costs more here than a hundred
+ * operations: a face's corners and the corners across its edges in 24 bytes, a vertex in 60; with a
+ * key and flags a closed mesh takes 56.5 bytes a face.
+ *
+ * Edge k of face f is named by corner 3f+k, where it starts. Invariants between two collapses:
+ *   C1  corners[corners[c].opposite].opposite == c; NO_INDEX at the border; edge c and its opposite
+ *       run against each other;
+ *   C2  vertices[v].corner is a corner of a live face at v; at a border vertex the one whose edge
+ * is on the border, so that turning counter-clockwise from it meets all of v's faces; C3  the fan
+ * of v is that of its present faces, unless v has more than RING_MAX neighbours; C4  a dead face
+ * has vertex NO_INDEX in its corners, a dead vertex corner NO_INDEX.
+ */
+#ifndef SPBM_SIMPLIFY_COLLAPSE_INTERNAL_H
+#define SPBM_SIMPLIFY_COLLAPSE_INTERNAL_H
+
+#include "geom/quadric.h"
+#include "simplify/collapse.h"
+
+/* A vertex with more neighbours is left alone until they are fewer, so that a hub of a hundred
+ * thousand faces does not make the work quadratic. */
+enum { RING_MAX = 96, RING_LANES = RING_MAX + EDGE_LANES };
+
+enum vertex_flag { VERTEX_LOCKED = 1, VERTEX_BORDER = 2, VERTEX_HUB = 4 };
+
+struct collapse_corner {
+    uint32_t vertex;
+    uint32_t opposite; /* corner of the edge's other side */
+};
+
+struct collapse_vertex {
+    float position[3]; /* relative to origin, times scale */
+    uint32_t corner;
+    struct fan fan;
+    float error;     /* estimated largest distance to the original nearby, times scale */
+    uint32_t source; /* number in the input */
+};
+
+/* What a collapse may do to the shape of faces; a later one comes when nothing more is to be had
+ * with an earlier one. */
+enum guard { GUARD_FULL, GUARD_TURNED, GUARD_NONE };
+
+struct collapse {
+    struct context *ctx;
+    enum guard guard;
+    struct collapse_options options;
+    uint64_t vertex_slots, face_slots; /* of the arrays in use, dead ones counted */
+    uint64_t vertex_count, face_count; /* allocated */
+    uint64_t live_faces;
+    double origin[3];
+    double scale; /* power of two that makes edges about 1 long, so that floats neither over- nor
+                     underflow */
+    bool is_float32;
+    bool held_back; /* edges wait for a larger error bound */
+    double largest_error;
+    double error_bound; /* of the present run */
+
+    struct collapse_corner *corners;
+    struct collapse_vertex *vertices;
+    float *keys; /* cost of the vertex's cheapest edge when last looked at; INFINITY: none */
+    unsigned char *flags;
+    struct attributes attributes;
+    unsigned char *records;
+};
+
+/* The neighbours of a vertex, counter-clockwise. corners[i] is the corner at the vertex whose edge
+ * goes to vertices[i]; an open ring has one vertex more than corners. */
+struct ring {
+    uint32_t count; /* of vertices; 0: more than RING_MAX */
+    uint32_t faces; /* of faces: count, or count - 1 when open */
+    uint32_t vertices[RING_MAX + 1];
+    uint32_t corners[RING_MAX + 1];
+};
+
+static inline uint32_t corner_next(uint32_t c)
+{
+    return c % 3 == 2 ? c - 2 : c + 1;
+}
+
+static inline uint32_t corner_previous(uint32_t c)
+{
+    return c % 3 == 0 ? c + 2 : c - 1;
+}
+
+/* ---- collapse_topology.c ---- */
+
+/* Finds opposites and vertex corners. STATUS_INTERNAL when the faces are no manifold. */
+enum status topology_build(struct collapse *collapse) MUST_CHECK;
+void ring_gather(const struct collapse *collapse, uint32_t v, struct ring *ring);
+/* The link condition, with the border and with locked vertices, for the edge from `a` to its i-th
+ * neighbour b; both rings are known. */
+bool topology_allows(const struct collapse *collapse, uint32_t a, const struct ring *ring_a,
+                     uint32_t i, const struct ring *ring_b);
+/* Takes the edge away; `gone` (a or b) vanishes into the other. Returns the faces taken, 1 or 2. */
+unsigned topology_collapse(struct collapse *collapse, uint32_t a, const struct ring *ring_a,
+                           uint32_t i, const struct ring *ring_b, uint32_t gone);
+/* Closes the gaps that dead faces and vertices leave; order is kept. */
+enum status topology_compact(struct collapse *collapse) MUST_CHECK;
+
+/* ---- collapse_cost.c ---- */
+
+/* What is known of all edges at one vertex; positions are relative to it. */
+struct vertex_edges {
+    struct ring ring;
+    float reach_square;
+    float costs[RING_LANES];      /* INFINITY: not to be collapsed */
+    float at[3][RING_LANES];      /* neighbours */
+    float normals[3][RING_LANES]; /* of face i, between neighbours i and i + 1 */
+    float places[3][RING_LANES];  /* where the edge's vertex goes */
+};
+
+void fan_compute(struct collapse *collapse, uint32_t v);
+/* Gathers v's ring and the cost and place of each of its edges. */
+void vertex_evaluate(const struct collapse *collapse, uint32_t v, struct vertex_edges *edges);
+/* Flip and sliver guards for collapsing edge i; tells the RMS distance of the new vertex from the
+ * planes of the faces (and the lines of the border) that were there. The error that a collapse
+ * leaves is taken to be the larger one of both ends plus this: measured on bunny, koala, fandisk
+ * and a noisy scan, 0.9 to 2 times the true maximum. (The largest distance instead of the RMS:
+ * 2 to 9 times.) */
+bool edge_shape_allows(const struct collapse *collapse, uint32_t v,
+                       const struct vertex_edges *edges, uint32_t i, const struct ring *ring_other,
+                       double *deviation);
+
+#endif

@@ -1,0 +1,24 @@
+/*
+ * The face normals that patches grow by: cached, smoothed within the slab, weighted by area
+ * (dissertation, section 4.2.3; averaging neighbours' normals as in section 4.2.1).
+ */
+#ifndef SPBM_SIMPLIFY_FACE_NORMALS_H
+#define SPBM_SIMPLIFY_FACE_NORMALS_H
+
+#include "simplify/slab_local.h"
+
+/* Four floats a face: the unit normal, then the face's area as a fraction of a power of four near
+ * the squared extent of the slab (areas are compared only within a slab). */
+enum { NORMAL_STRIDE = 4 };
+
+/*
+ * Fills *normals (NORMAL_STRIDE floats a face). A face of zero area takes the mean of its edge
+ * neighbours' normals, as near as there are any in the slab, else (0, 0, 1). Then `smoothings` times
+ * each normal becomes the normalised sum of itself and those of its edge neighbours in the slab.
+ * *spare is as large as *normals, and the two may have changed places afterwards; `queue` holds one
+ * entry a face.
+ */
+void face_normals_fill(const struct slab_local *local, uint32_t smoothings, float **normals,
+                       float **spare, uint32_t *queue);
+
+#endif

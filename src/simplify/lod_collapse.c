@@ -1,0 +1,292 @@
+/*
+ * Mode collapse.
+ *
+ * The plain way is to collapse the edges of the whole surface. Here the patches have flattened most
+ * of it already: each block gives a small mesh (small_mesh.h) of its chains and patches alone.
+ * Blocks are independent jobs, their seam vertices locked, and go down to SLACK times the density
+ * that the finest level needs; then they are joined, JOIN_WIDTH at a time along the curve, what has
+ * become interior is unlocked and goes down with the rest, up to the root, which makes the levels,
+ * finest first, in one sequence. What is done depends on the chain file and the targets only.
+ */
+#include "simplify/lod_collapse.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/parallel.h"
+#include "simplify/collapse.h"
+#include "simplify/lod_output.h"
+#include "simplify/lod_target.h"
+#include "simplify/small_mesh.h"
+
+enum { JOIN_WIDTH = 8 };
+
+/* A block is left with so many times the faces that the finest level would give it: enough for the
+ * root to choose where they are needed. */
+static const double SLACK = 4;
+/* A block is collapsed up to this part of the finest level's error. */
+static const double ERROR_PART = 0.5;
+/* Chain tolerance as a part of the mean edge of the finest level, and of the finest error. */
+static const double EDGE_PART = 0.05;
+static const double TOLERANCE_PART = 0.25;
+
+struct lod {
+    struct context *ctx;
+    struct chain_file *file;
+    const struct chain_info *info;
+    const struct lod_options *options;
+    struct lod_report *report;
+    struct collapse_options collapse;
+    uint32_t stride;
+    double tolerance;
+    uint64_t finest_faces; /* 0: an error is asked for */
+    double finest_error;
+    struct small_workspace *spaces; /* one a worker */
+    struct small_mesh *nodes;       /* of one stage of the tree */
+    uint64_t *weights;              /* patches below each node */
+    uint64_t *built;                /* faces of each block's mesh at first */
+    uint32_t node_count;
+    uint32_t span; /* slabs below a node */
+};
+
+/* ---- how fine ---- */
+
+static void choose_fineness(struct lod *lod)
+{
+    const struct level *finest = &lod->report->levels[0];
+    double diagonal = 0;
+    for (int k = 0; k < 3; k++) {
+        const double side = lod->info->box_high[k] - lod->info->box_low[k];
+        diagonal += side * side;
+    }
+    diagonal = sqrt(diagonal);
+    lod->finest_faces = finest->wanted_faces;
+    lod->finest_error = finest->wanted_faces ? INFINITY : finest->wanted_error;
+    if (finest->wanted_faces) {
+        /* edge of an equilateral triangle: area = sqrt(3) / 4 edge^2 */
+        const double face = lod->info->area / (double)finest->wanted_faces;
+        lod->tolerance = EDGE_PART * sqrt(2.31 * face);
+    } else {
+        lod->tolerance = TOLERANCE_PART * finest->wanted_error;
+    }
+    lod->tolerance = lod->tolerance < 1e-3 * diagonal ? lod->tolerance : 1e-3 * diagonal;
+}
+
+/* ---- one node of the tree ---- */
+
+/* Collapses a node that is not the root to what the finest level may need of it. */
+static enum status thin_node(struct lod *lod, uint32_t node)
+{
+    struct context *ctx = lod->ctx;
+    struct small_mesh *mesh = &lod->nodes[node];
+    struct collapse_options options = lod->collapse;
+    struct collapse *collapse = NULL;
+    uint32_t *sources = NULL, *places = NULL;
+    const size_t vertices = (size_t)mesh->triangles.vertex_count;
+    const double part = (double)lod->weights[node] / (double)(lod->info->patches + 1);
+    const double wanted = lod->finest_faces ? SLACK * part * (double)lod->finest_faces : 0;
+    if ((double)mesh->triangles.face_count <= wanted || lod->node_count == 1)
+        return STATUS_OK;
+    options.keep_guards = true; /* the root has more to choose from */
+    enum status status = memory_take_zeroed(ctx, vertices, 1, &mesh->triangles.locked);
+    if (status != STATUS_OK)
+        return status;
+    small_mesh_lock(mesh, mesh->triangles.locked);
+    status =
+        collapse_begin_giving(ctx, &options, &mesh->triangles, &lod->info->attributes, &collapse);
+    if (status == STATUS_OK)
+        status = collapse_run(collapse, (uint64_t)wanted, lod->finest_error * ERROR_PART);
+    if (status == STATUS_OK)
+        status = collapse_extract_compact(collapse, &mesh->triangles, &sources);
+    collapse_end(&collapse);
+    const size_t left = (size_t)mesh->triangles.vertex_count;
+    if (status == STATUS_OK)
+        status = memory_take(ctx, vertices, sizeof *places, &places);
+    if (status == STATUS_OK) {
+        /* locked vertices are there still: find them again */
+        for (uint32_t v = 0; v < left; v++)
+            places[sources[v]] = v;
+        for (uint32_t i = 0; i < mesh->seam_count; i++)
+            mesh->seams[i].vertex = places[mesh->seams[i].vertex];
+    }
+    memory_release(ctx, &places, vertices, sizeof *places);
+    memory_release(ctx, &sources, left, sizeof *sources);
+    return status;
+}
+
+static enum status make_leaf(void *user, uint64_t job, unsigned worker)
+{
+    struct lod *lod = user;
+    struct chain_block block;
+    enum status status = chain_block_read(lod->file, (uint32_t)job, &block);
+    if (status != STATUS_OK)
+        return status;
+    status = small_mesh_build(lod->ctx, &lod->spaces[worker], lod->stride, &block, lod->tolerance,
+                              &lod->nodes[job]);
+    lod->weights[job] = block.patch_count;
+    lod->built[job] = lod->nodes[job].triangles.face_count;
+    chain_block_clear(lod->ctx, lod->stride, &block);
+    return status == STATUS_OK ? thin_node(lod, (uint32_t)job) : status;
+}
+
+static uint32_t parents_of(uint32_t nodes)
+{
+    return (nodes + JOIN_WIDTH - 1) / JOIN_WIDTH;
+}
+
+/* The joined mesh takes the place of its first child. */
+static enum status join_children(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct lod *lod = user;
+    const uint32_t first = (uint32_t)job * JOIN_WIDTH;
+    const uint32_t left = lod->node_count - first, count = left < JOIN_WIDTH ? left : JOIN_WIDTH;
+    const uint64_t slab_first = (uint64_t)first * lod->span;
+    const uint64_t slab_end = slab_first + (uint64_t)count * lod->span;
+    struct small_mesh whole;
+    enum status status = small_mesh_join(lod->ctx, lod->stride, (uint32_t)slab_first,
+                                         slab_end < lod->info->slab_count ? (uint32_t)slab_end
+                                                                          : lod->info->slab_count,
+                                         lod->nodes + first, count, &whole);
+    if (status != STATUS_OK)
+        return status;
+    lod->nodes[first] = whole;
+    for (uint32_t i = 1; i < count; i++)
+        lod->weights[first] += lod->weights[first + i];
+    return STATUS_OK;
+}
+
+static enum status thin_parent(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    return thin_node(user, (uint32_t)job);
+}
+
+/* ---- the tree ---- */
+
+static void clear_nodes(struct lod *lod)
+{
+    for (uint32_t i = 0; i < lod->info->slab_count; i++)
+        small_mesh_clear(lod->ctx, lod->stride, &lod->nodes[i]);
+}
+
+/* All blocks, thinned. When the chains at this tolerance do not give what the finest level wants,
+ * again with a finer one. */
+static enum status make_leaves(struct lod *lod)
+{
+    for (;;) {
+        lod->node_count = lod->info->slab_count;
+        lod->span = 1;
+        enum status status = parallel_for(lod->ctx, lod->node_count, make_leaf, lod);
+        if (status != STATUS_OK)
+            return status;
+        lod->report->small_faces = 0;
+        for (uint32_t i = 0; i < lod->node_count; i++)
+            lod->report->small_faces += lod->built[i];
+        const double enough = 1.5 * (double)lod->finest_faces;
+        if ((double)lod->report->small_faces >= enough || lod->tolerance <= 0)
+            return STATUS_OK;
+        lod->tolerance = lod->tolerance > 1e-12 * sqrt(lod->info->area) ? lod->tolerance / 8 : 0;
+        clear_nodes(lod);
+    }
+}
+
+/* Joins all nodes into one, stage by stage. */
+static enum status join_nodes(struct lod *lod)
+{
+    while (lod->node_count > 1) {
+        const uint32_t parents = parents_of(lod->node_count);
+        enum status status = parallel_for(lod->ctx, parents, join_children, lod);
+        if (status != STATUS_OK)
+            return status;
+        for (uint32_t i = 1; i < parents; i++) {
+            lod->nodes[i] = lod->nodes[i * JOIN_WIDTH];
+            lod->weights[i] = lod->weights[i * JOIN_WIDTH];
+            memset(&lod->nodes[i * JOIN_WIDTH], 0, sizeof *lod->nodes);
+        }
+        lod->node_count = parents;
+        lod->span *= JOIN_WIDTH;
+        status = parallel_for(lod->ctx, parents, thin_parent, lod);
+        if (status != STATUS_OK)
+            return status;
+    }
+    return STATUS_OK;
+}
+
+/* ---- the levels ---- */
+
+static enum status make_level(struct lod *lod, struct collapse *collapse, uint32_t index)
+{
+    struct level *level = &lod->report->levels[index];
+    const bool by_error = level->wanted_faces == 0;
+    struct mesh mesh;
+    enum status status =
+        collapse_run(collapse, level->wanted_faces, by_error ? level->wanted_error : INFINITY);
+    if (status == STATUS_OK)
+        status = collapse_extract(collapse, &mesh, NULL);
+    if (status != STATUS_OK)
+        return status;
+    for (size_t i = 0; i < (size_t)mesh.vertex_count * 3; i++)
+        mesh.positions[i] += lod->info->origin[i % 3];
+    mesh.is_float32 = lod->info->is_float32;
+    mesh.attributes = lod->info->attributes;
+    level->vertices = mesh.vertex_count;
+    level->faces = mesh.face_count;
+    level->error = collapse_error(collapse);
+    level->reason = lod_stop_reason(level, collapse_exhausted(collapse));
+    status = lod_output_mesh(lod->ctx, lod->options, index, &mesh);
+    mesh_clear(lod->ctx, &mesh);
+    return status;
+}
+
+static enum status make_levels(struct lod *lod)
+{
+    struct collapse *collapse = NULL;
+    struct small_mesh empty = {0};
+    struct small_mesh *root = lod->info->slab_count > 0 ? &lod->nodes[0] : &empty;
+    enum status status = collapse_begin_giving(lod->ctx, &lod->collapse, &root->triangles,
+                                               &lod->info->attributes, &collapse);
+    for (uint32_t i = 0; i < lod->report->level_count && status == STATUS_OK; i++)
+        status = make_level(lod, collapse, i);
+    collapse_end(&collapse);
+    return status;
+}
+
+enum status lod_collapse(struct context *ctx, struct chain_file *file,
+                         const struct lod_options *options, struct lod_report *report)
+{
+    const struct chain_info *info = chain_file_info(file);
+    struct lod lod = {
+        .ctx = ctx,
+        .file = file,
+        .info = info,
+        .options = options,
+        .report = report,
+        .collapse = {.subset = options->place == PLACE_SUBSET, .effort = options->target.effort},
+        .stride = info->attributes.stride};
+    const size_t slabs = info->slab_count;
+    choose_fineness(&lod);
+    enum status status = memory_take_zeroed(ctx, slabs, sizeof *lod.nodes, &lod.nodes);
+    if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, slabs, sizeof *lod.weights, &lod.weights);
+    if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, slabs, sizeof *lod.built, &lod.built);
+    if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, ctx->threads, sizeof *lod.spaces, &lod.spaces);
+    if (status == STATUS_OK)
+        status = make_leaves(&lod);
+    if (status == STATUS_OK)
+        status = join_nodes(&lod);
+    if (status == STATUS_OK)
+        status = make_levels(&lod);
+    if (lod.nodes)
+        clear_nodes(&lod);
+    for (unsigned i = 0; lod.spaces && i < ctx->threads; i++)
+        small_workspace_clear(ctx, &lod.spaces[i]);
+    memory_release(ctx, &lod.spaces, ctx->threads, sizeof *lod.spaces);
+    memory_release(ctx, &lod.built, slabs, sizeof *lod.built);
+    memory_release(ctx, &lod.weights, slabs, sizeof *lod.weights);
+    memory_release(ctx, &lod.nodes, slabs, sizeof *lod.nodes);
+    return status;
+}

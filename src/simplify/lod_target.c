@@ -1,0 +1,112 @@
+/*
+ * Levels asked for. All levels are cut from one sequence of operations that only goes towards
+ * coarser, so they are made finest first, whatever order they were given in.
+ */
+#include "simplify/lod_target.h"
+
+#include <inttypes.h>
+#include <math.h>
+
+/* True when level a is to be made before level b. */
+static bool is_finer(const struct level *a, const struct level *b)
+{
+    return a->wanted_faces != b->wanted_faces ? a->wanted_faces > b->wanted_faces
+                                              : a->wanted_error < b->wanted_error;
+}
+
+static double box_diagonal(const struct chain_info *info)
+{
+    double sum = 0;
+    for (int k = 0; k < 3; k++)
+        sum += (info->box_high[k] - info->box_low[k]) * (info->box_high[k] - info->box_low[k]);
+    return sqrt(sum);
+}
+
+/* What one value of the target wants. */
+static enum status read_value(struct context *ctx, const struct target *target,
+                              const struct chain_info *info, double value, struct level *level)
+{
+    *level = (struct level){.reason = STOP_REACHED};
+    switch (target->kind) {
+    case TARGET_FACES:
+        if (!(value >= 1 && value < 0x1p63))
+            return fail(ctx, STATUS_MISUSE, "%g faces cannot be made", value);
+        level->wanted_faces = (uint64_t)value;
+        return STATUS_OK;
+    case TARGET_RATIO:
+        if (!(value > 0 && value <= 1))
+            return fail(ctx, STATUS_MISUSE, "a ratio of %g is not in (0, 1]", value);
+        level->wanted_faces = (uint64_t)(value * (double)info->topology.faces);
+        if (level->wanted_faces == 0)
+            level->wanted_faces = 1;
+        return STATUS_OK;
+    case TARGET_ERROR:
+        if (!(value >= 0 && value < INFINITY))
+            return fail(ctx, STATUS_MISUSE, "an error of %g makes no sense", value);
+        level->wanted_error = target->error_is_relative ? value * box_diagonal(info) : value;
+        return STATUS_OK;
+    }
+    return fail(ctx, STATUS_MISUSE, "unknown kind of target");
+}
+
+enum status lod_target_levels(struct context *ctx, const struct target *target,
+                              const struct chain_info *info, struct lod_report *report)
+{
+    if (target->count < 1 || target->count > TARGETS_MAX)
+        return fail(ctx, STATUS_MISUSE, "%u levels asked for; 1 to %d can be made", target->count,
+                    TARGETS_MAX);
+    report->level_count = 0;
+    for (uint32_t i = 0; i < target->count; i++) {
+        struct level level;
+        enum status status = read_value(ctx, target, info, target->values[i], &level);
+        if (status != STATUS_OK)
+            return status;
+        uint32_t place = report->level_count++;
+        for (; place > 0 && is_finer(&level, &report->levels[place - 1]); place--)
+            report->levels[place] = report->levels[place - 1];
+        report->levels[place] = level;
+    }
+    return STATUS_OK;
+}
+
+enum stop_reason lod_stop_reason(const struct level *level, bool exhausted)
+{
+    if (level->wanted_faces == 0)
+        return level->error > level->wanted_error ? STOP_TOO_FINE : STOP_REACHED;
+    if (level->faces > level->wanted_faces)
+        return exhausted ? STOP_TOPOLOGY : STOP_ERROR;
+    return level->faces + 1 >= level->wanted_faces ? STOP_REACHED : STOP_TOO_FINE;
+}
+
+enum status lod_target_verdict(struct context *ctx, const struct chain_info *info,
+                               const struct lod_report *report)
+{
+    for (uint32_t i = 0; i < report->level_count; i++) {
+        const struct level *level = &report->levels[i];
+        if (level->reason == STOP_TOPOLOGY)
+            return fail(ctx, STATUS_TARGET_MISSED,
+                        "level %u has %" PRIu64 " faces, not %" PRIu64
+                        ": no more can be taken away without changing the topology (floor: %" PRIu64
+                        " faces)",
+                        i, level->faces, level->wanted_faces, info->topology.floor);
+        if (level->reason == STOP_TOO_FINE && level->wanted_faces > 0)
+            return fail(ctx, STATUS_TARGET_MISSED,
+                        "level %u has %" PRIu64 " faces, not %" PRIu64
+                        ": the chain file has no more; make it by patchify --faces %" PRIu64
+                        " (the store has %" PRIu64 ")",
+                        i, level->faces, level->wanted_faces, level->wanted_faces,
+                        info->topology.faces);
+        if (level->reason == STOP_TOO_FINE)
+            return fail(ctx, STATUS_TARGET_MISSED,
+                        "level %u has an error of %g, not %g: the chain file is that coarse; make it "
+                        "by patchify --error %g",
+                        i, level->error, level->wanted_error, level->wanted_error);
+        if (level->reason == STOP_ERROR && level->wanted_faces > 0 &&
+            level->faces > level->wanted_faces)
+            return fail(ctx, STATUS_TARGET_MISSED,
+                        "level %u has %" PRIu64 " faces, not %" PRIu64
+                        ": the error bound came first",
+                        i, level->faces, level->wanted_faces);
+    }
+    return STATUS_OK;
+}

@@ -1,0 +1,26 @@
+/*
+ * Which levels a run is asked for, in the order in which they are made.
+ */
+#ifndef SPBM_SIMPLIFY_LOD_TARGET_H
+#define SPBM_SIMPLIFY_LOD_TARGET_H
+
+#include "simplify/simplify.h"
+
+/*
+ * Fills report->level_count and of each level what is wanted of it (faces, or the error in model
+ * units), finest first. A ratio is of the store's faces and rounded down; every count is at least 1.
+ * STATUS_MISUSE when a value is out of range.
+ */
+enum status lod_target_levels(struct context *ctx, const struct target *target,
+                              const struct chain_info *info, struct lod_report *report) MUST_CHECK;
+
+/* Why a level has the faces it has, from what it wanted and got. `exhausted`: nothing more could be
+ * taken away. */
+enum stop_reason lod_stop_reason(const struct level *level, bool exhausted);
+
+/* STATUS_OK when every level has what it wanted; else STATUS_TARGET_MISSED, with words for the first
+ * one that has not: why, and what would help. */
+enum status lod_target_verdict(struct context *ctx, const struct chain_info *info,
+                               const struct lod_report *report) MUST_CHECK;
+
+#endif

@@ -1,0 +1,35 @@
+/*
+ * What an operation on the chain graph costs: how far it takes the chains from the original ones,
+ * and by which of all possible operations at a vertex or a patch is cheapest.
+ */
+#ifndef SPBM_SIMPLIFY_OPERATION_COST_H
+#define SPBM_SIMPLIFY_OPERATION_COST_H
+
+#include "simplify/patch_merge.h"
+
+enum operation_kind { OPERATION_NONE, OPERATION_REMOVE, OPERATION_COLLAPSE, OPERATION_MERGE };
+
+struct operation {
+    enum operation_kind kind;
+    uint32_t vertex;             /* REMOVE: which */
+    uint32_t half_edge;          /* COLLAPSE, MERGE */
+    uint32_t vertex_to, list_to; /* COLLAPSE: see edge_collapse */
+    double error; /* largest distance of an original chain vertex, in the metric of its chain */
+    double key;   /* place in the order: the error, made larger by what speaks against it */
+};
+
+/* Conditions (b) and (c) of section 4.2.6. */
+struct cost_options {
+    double patch_cosine; /* alpha1: patches whose normals agree so far may be merged */
+};
+
+/* The cheapest way to take a live vertex away, kind OPERATION_NONE (key INFINITY) when there is
+ * none. */
+void vertex_cost(const struct chain_graph *graph, const struct cost_options *options,
+                 uint32_t vertex, struct operation *best);
+
+/* The cheapest merge of a live patch with a neighbour. */
+void patch_cost(const struct chain_graph *graph, const struct cost_options *options, uint32_t patch,
+                struct operation *best);
+
+#endif

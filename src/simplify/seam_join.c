@@ -1,0 +1,639 @@
+/*
+ * Whether a seam vertex is a junction depends on all slabs that touch it, and a seam chain's edges
+ * are known to two slabs each. With everything in memory this is a graph to walk; its size is a few
+ * per cent of the mesh, which is still in proportion to it. So it is done by four sorts:
+ *
+ *   1. by edge: the two slabs' views of an edge come together, and it gets its two patches;
+ *   2. by vertex: the edge ends and the chain ends of all slabs come together; a vertex is a
+ *      junction unless exactly two seam edges and no other chain end there;
+ *   3. by pair of patches: the edges that two patches share over a seam come together (no more than
+ *      a patch's boundary has) and are followed from junction to junction;
+ *   4. by slab: what each block gets.
+ *
+ * A vertex where just two seam edges meet and nothing else has the same two patches on both, so step
+ * 3 never loses a chain. All orders are by number, so the result depends on the blocks alone.
+ */
+#include "simplify/seam_join.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/external_sort.h"
+#include "base/file.h"
+#include "base/memory.h"
+
+/* Step 2: something that ends at a vertex. */
+struct vertex_end {
+    uint64_t vertex;
+    uint32_t other; /* the edge's other end */
+    uint32_t kind;
+    uint32_t left_slab, left_patch; /* walking from `vertex` to `other`; the lower slab */
+    uint32_t right_slab, right_patch;
+};
+
+enum {
+    END_LEAVES = 0,  /* a seam edge that starts here, the lower slab on its left */
+    END_ARRIVES = 1, /* one that ends here; its other fields are not used */
+    END_CHAIN = 2    /* a chain inside some slab */
+};
+
+/* Step 3: an edge between two patches of different slabs. */
+struct pair_edge {
+    uint64_t left;  /* slab << 32 | patch; the lower slab */
+    uint64_t right; /* likewise */
+    uint32_t from, to; /* store vertices, the left patch on the left */
+    uint32_t from_junction; /* 0 or 1 */
+    uint32_t unused;
+};
+
+/* Step 4: a vertex of a seam chain, as one slab sees it. */
+struct chain_vertex {
+    uint64_t side;  /* slab << 32 | its own patch */
+    uint64_t place; /* number of the chain << PLACE_SHIFT | place on it */
+    uint32_t vertex;
+    uint32_t other_slab, other_patch;
+    uint32_t count; /* vertices of the chain */
+};
+
+enum { PLACE_SHIFT = 20 }; /* a boundary has far fewer than 2^20 edges */
+
+/* What is remembered of each slab. */
+struct slab_part {
+    uint64_t vertex_offset; /* into the spools, in vertices */
+    uint32_t vertex_count;
+    uint32_t junction_count; /* of the block: the number of its first seam vertex */
+};
+
+struct seam_join {
+    struct context *ctx;
+    const char *beside;
+    uint64_t sorter_limit;
+    uint32_t slab_count;
+    uint32_t slabs_added;
+    uint32_t slabs_given;
+    struct slab_part *parts;
+    struct spool vertex_spool, position_spool; /* of all slabs' seam vertices, slab after slab */
+    const uint32_t *vertices;
+    const float *positions;
+    struct sorter *edges, *ends, *pairs, *chains;
+    /* the edges of one pair of patches, and one chain: reused */
+    struct pair_edge *group;
+    size_t group_capacity;
+    uint32_t *next; /* of each edge of the group */
+    size_t next_capacity;
+    uint32_t *list;
+    size_t list_capacity;
+    uint64_t chain_count;
+    /* the record of step 4 that belongs to the next slab */
+    const struct chain_vertex *pending;
+    size_t pending_count;
+    size_t pending_place;
+};
+
+/* ---- a sorter read one record at a time ---- */
+
+struct cursor {
+    struct sorter *sorter;
+    size_t record_size;
+    const char *records;
+    size_t count, place;
+};
+
+static enum status cursor_open(struct sorter *sorter, size_t record_size, struct cursor *cursor)
+{
+    *cursor = (struct cursor){.sorter = sorter, .record_size = record_size};
+    return sorter_finish(sorter);
+}
+
+/* *record is NULL at the end; it is valid until the next call. */
+static enum status cursor_next(struct cursor *cursor, const void **record)
+{
+    *record = NULL;
+    if (cursor->place == cursor->count) {
+        const void *records;
+        enum status status = sorter_next(cursor->sorter, &records, &cursor->count);
+        if (status)
+            return status;
+        cursor->records = records;
+        cursor->place = 0;
+        if (cursor->count == 0)
+            return STATUS_OK;
+    }
+    *record = cursor->records + cursor->place++ * cursor->record_size;
+    return STATUS_OK;
+}
+
+/* ---- opening, adding, closing ---- */
+
+enum status seam_join_open(struct context *ctx, const char *beside, uint64_t memory_limit,
+                           uint32_t slab_count, struct seam_join **out)
+{
+    struct seam_join *join;
+    *out = NULL;
+    enum status status = memory_take_zeroed(ctx, 1, sizeof *join, &join);
+    if (status)
+        return status;
+    join->ctx = ctx;
+    join->beside = beside;
+    join->sorter_limit = memory_limit / 4; /* two sorts and two spools are alive at a time */
+    join->slab_count = slab_count;
+    spool_init(ctx, &join->vertex_spool, beside, memory_limit / 16);
+    spool_init(ctx, &join->position_spool, beside, memory_limit / 8);
+    status = memory_take_zeroed(ctx, slab_count, sizeof *join->parts, &join->parts);
+    if (!status)
+        status = sorter_open(ctx, sizeof(struct seam_edge), sizeof(uint64_t), join->sorter_limit,
+                             beside, &join->edges);
+    if (!status)
+        status = sorter_open(ctx, sizeof(struct vertex_end), sizeof(uint64_t), join->sorter_limit,
+                             beside, &join->ends);
+    if (status)
+        seam_join_close(&join);
+    *out = join;
+    return status;
+}
+
+void seam_join_close(struct seam_join **join)
+{
+    struct seam_join *old = *join;
+    if (!old)
+        return;
+    struct context *ctx = old->ctx;
+    sorter_close(&old->edges);
+    sorter_close(&old->ends);
+    sorter_close(&old->pairs);
+    sorter_close(&old->chains);
+    spool_clear(&old->vertex_spool);
+    spool_clear(&old->position_spool);
+    memory_release(ctx, &old->parts, old->slab_count, sizeof *old->parts);
+    memory_release(ctx, &old->group, old->group_capacity, sizeof *old->group);
+    memory_release(ctx, &old->next, old->next_capacity, sizeof *old->next);
+    memory_release(ctx, &old->list, old->list_capacity, sizeof *old->list);
+    memory_release(ctx, join, 1, sizeof **join);
+}
+
+enum status seam_join_add(struct seam_join *join, const struct chain_block *block,
+                          const struct slab_seams *seams)
+{
+    if (join->slabs_added == join->slab_count || block->slab != join->slabs_added)
+        return fail(join->ctx, STATUS_INTERNAL, "seams of slab %u come out of order", block->slab);
+    join->parts[join->slabs_added++] =
+        (struct slab_part){.vertex_offset = join->vertex_spool.size / sizeof(uint32_t),
+                           .vertex_count = block->seam_vertex_count,
+                           .junction_count = block->junction_count};
+    size_t count = block->seam_vertex_count;
+    enum status status =
+        spool_append(&join->vertex_spool, block->seam_vertices, count * sizeof(uint32_t));
+    if (!status)
+        status = spool_append(&join->position_spool,
+                              block->positions + 3 * (size_t)block->junction_count,
+                              count * (3 * sizeof(float)));
+    if (!status)
+        status = sorter_add(join->edges, seams->edges, seams->edge_count);
+    for (size_t i = 0; i < seams->junction_count && !status; i++) {
+        struct vertex_end end = {.vertex = seams->junctions[i], .kind = END_CHAIN};
+        status = sorter_add(join->ends, &end, 1);
+    }
+    return status;
+}
+
+/* ---- step 1: the two views of an edge ---- */
+
+static enum status disagree(struct seam_join *join, uint64_t key)
+{
+    return fail(join->ctx, STATUS_BAD_INPUT,
+                "mesh store: the slabs disagree on the edge between vertices %u and %u",
+                (uint32_t)(key >> 32), (uint32_t)key);
+}
+
+static enum status add_edge_ends(struct seam_join *join, const struct seam_edge *one,
+                                 const struct seam_edge *two)
+{
+    const struct seam_edge *left = one->slab < two->slab ? one : two;
+    const struct seam_edge *right = left == one ? two : one;
+    uint32_t low = (uint32_t)(left->key >> 32), high = (uint32_t)left->key;
+    bool down = left->side & 1;
+    struct vertex_end ends[2];
+    ends[0] = (struct vertex_end){.vertex = down ? high : low,
+                                  .other = down ? low : high,
+                                  .kind = END_LEAVES,
+                                  .left_slab = left->slab,
+                                  .left_patch = left->side >> 1,
+                                  .right_slab = right->slab,
+                                  .right_patch = right->side >> 1};
+    ends[1] = ends[0];
+    ends[1].vertex = ends[0].other;
+    ends[1].other = (uint32_t)ends[0].vertex;
+    ends[1].kind = END_ARRIVES;
+    return sorter_add(join->ends, ends, 2);
+}
+
+static enum status match_edges(struct seam_join *join)
+{
+    struct cursor cursor;
+    enum status status = cursor_open(join->edges, sizeof(struct seam_edge), &cursor);
+    while (!status) {
+        const void *record;
+        status = cursor_next(&cursor, &record);
+        if (status || !record)
+            break;
+        struct seam_edge one;
+        memcpy(&one, record, sizeof one);
+        status = cursor_next(&cursor, &record);
+        if (status)
+            break;
+        struct seam_edge two = {0};
+        if (record)
+            memcpy(&two, record, sizeof two);
+        if (!record || two.key != one.key || two.slab == one.slab ||
+            (two.side & 1) == (one.side & 1))
+            return disagree(join, one.key);
+        status = add_edge_ends(join, &one, &two);
+    }
+    sorter_close(&join->edges);
+    return status;
+}
+
+/* ---- step 2: junctions ---- */
+
+/* All ends at one vertex, in join->group's place: few of them leave. */
+struct vertex_group {
+    uint64_t vertex;
+    uint32_t edges;
+    bool has_chain;
+    size_t leaving; /* in join->group */
+};
+
+static enum status close_vertex(struct seam_join *join, const struct vertex_group *group,
+                                struct seam_counts *counts)
+{
+    bool is_junction = group->has_chain || group->edges != 2;
+    counts->vertices++;
+    counts->junctions += is_junction;
+    for (size_t i = 0; i < group->leaving; i++)
+        join->group[i].from_junction = is_junction;
+    return sorter_add(join->pairs, join->group, group->leaving);
+}
+
+static enum status add_leaving(struct seam_join *join, const struct vertex_end *end,
+                               struct vertex_group *group)
+{
+    enum status status = memory_reserve(join->ctx, &join->group, &join->group_capacity,
+                                        group->leaving + 1, sizeof *join->group);
+    if (!status)
+        join->group[group->leaving++] =
+            (struct pair_edge){.left = (uint64_t)end->left_slab << 32 | end->left_patch,
+                               .right = (uint64_t)end->right_slab << 32 | end->right_patch,
+                               .from = (uint32_t)end->vertex,
+                               .to = end->other};
+    return status;
+}
+
+static enum status find_junctions(struct seam_join *join, struct seam_counts *counts)
+{
+    struct cursor cursor;
+    struct vertex_group group = {.vertex = UINT64_MAX};
+    enum status status = cursor_open(join->ends, sizeof(struct vertex_end), &cursor);
+    while (!status) {
+        const void *record;
+        status = cursor_next(&cursor, &record);
+        if (status)
+            break;
+        struct vertex_end end = {.vertex = UINT64_MAX};
+        if (record)
+            memcpy(&end, record, sizeof end);
+        if (end.vertex != group.vertex) {
+            if (group.vertex != UINT64_MAX)
+                status = close_vertex(join, &group, counts);
+            group = (struct vertex_group){.vertex = end.vertex};
+        }
+        if (status || !record)
+            break;
+        if (end.kind == END_CHAIN)
+            group.has_chain = true;
+        else
+            group.edges++;
+        if (end.kind == END_LEAVES)
+            status = add_leaving(join, &end, &group);
+    }
+    sorter_close(&join->ends);
+    return status;
+}
+
+/* ---- step 3: chains ---- */
+
+/* Adds the chain over the `count` vertices in join->list, which is walked with `edge->left` on its
+ * left, to both its slabs. */
+static enum status add_chain(struct seam_join *join, const struct pair_edge *edge, size_t count)
+{
+    if (count >> PLACE_SHIFT)
+        return fail(join->ctx, STATUS_BAD_INPUT, "mesh store: a seam chain of %zu vertices", count);
+    uint64_t first_place = join->chain_count++ << PLACE_SHIFT;
+    enum status status = STATUS_OK;
+    for (size_t i = 0; i < count && !status; i++) {
+        struct chain_vertex views[2] = {
+            {.side = edge->left,
+             .place = first_place + i,
+             .vertex = join->list[i],
+             .other_slab = (uint32_t)(edge->right >> 32),
+             .other_patch = (uint32_t)edge->right,
+             .count = (uint32_t)count},
+            {.side = edge->right,
+             .place = first_place + (count - 1 - i),
+             .vertex = join->list[i],
+             .other_slab = (uint32_t)(edge->left >> 32),
+             .other_patch = (uint32_t)edge->left,
+             .count = (uint32_t)count},
+        };
+        status = sorter_add(join->chains, views, 2);
+    }
+    return status;
+}
+
+static int compare_vertex(const void *key, const void *element)
+{
+    uint32_t a = *(const uint32_t *)key, b = *(const uint32_t *)element;
+    return a < b ? -1 : a > b;
+}
+
+/* Place of a store vertex among the slab's seam vertices; the count when it is not there. */
+static uint32_t find_vertex(const struct seam_join *join, uint32_t slab, uint32_t vertex)
+{
+    const struct slab_part *part = join->parts + slab;
+    const uint32_t *first = join->vertices + part->vertex_offset;
+    const uint32_t *found =
+        bsearch(&vertex, first, part->vertex_count, sizeof vertex, compare_vertex);
+    return found ? (uint32_t)(found - first) : part->vertex_count;
+}
+
+static enum status unknown_vertex(struct seam_join *join, uint32_t slab, uint32_t vertex)
+{
+    return fail(join->ctx, STATUS_BAD_INPUT, "mesh store: vertex %u is not on a seam of slab %u",
+                vertex, slab);
+}
+
+/* A seam loop without junctions, all of whose edges lie between the same two patches: it gets
+ * three. join->list holds its `count` vertices. */
+static enum status cut_closed_loop(struct seam_join *join, const struct pair_edge *edge,
+                                   size_t count, struct seam_counts *counts)
+{
+    struct context *ctx = join->ctx;
+    uint32_t slab = (uint32_t)(edge->left >> 32);
+    if (count < 3)
+        return fail(ctx, STATUS_BAD_INPUT, "mesh store: two patches share a loop of two edges");
+    float *positions = NULL;
+    uint32_t *loop = NULL;
+    enum status status = memory_take(ctx, count, 3 * sizeof *positions, &positions);
+    if (!status)
+        status = memory_take(ctx, count, sizeof *loop, &loop);
+    if (status)
+        goto end;
+    memcpy(loop, join->list, count * sizeof *loop);
+    for (size_t i = 0; i < count; i++) {
+        uint32_t place = find_vertex(join, slab, loop[i]);
+        if (place == join->parts[slab].vertex_count) {
+            status = unknown_vertex(join, slab, loop[i]);
+            goto end;
+        }
+        memcpy(positions + 3 * i,
+               join->positions + 3 * (join->parts[slab].vertex_offset + place),
+               3 * sizeof *positions);
+    }
+    size_t chosen[3];
+    loop_choose_three(count, positions, loop, chosen);
+    counts->junctions += 3;
+    for (unsigned i = 0; i < 3 && !status; i++) {
+        size_t to = i == 2 ? chosen[0] + count : chosen[i + 1], length = 0;
+        for (size_t j = chosen[i]; j <= to; j++)
+            join->list[length++] = loop[j % count];
+        status = add_chain(join, edge, length);
+    }
+end:
+    memory_release(ctx, &positions, count, 3 * sizeof *positions);
+    memory_release(ctx, &loop, count, sizeof *loop);
+    return status;
+}
+
+/* Links the group's edges, which are ascending by `from`: next[i] is the edge that starts where i
+ * ends, or `count`. */
+static enum status link_group(struct seam_join *join, size_t count)
+{
+    enum status status = memory_reserve(join->ctx, &join->next, &join->next_capacity, count,
+                                        sizeof *join->next);
+    if (!status) /* a closed loop's chains repeat one vertex at most */
+        status = memory_reserve(join->ctx, &join->list, &join->list_capacity, count + 1,
+                                sizeof *join->list);
+    if (status)
+        return status;
+    const struct pair_edge *group = join->group;
+    for (size_t i = 0; i < count; i++) {
+        if (i && group[i].from == group[i - 1].from)
+            return fail(join->ctx, STATUS_BAD_INPUT,
+                        "mesh store: the boundary of a patch passes vertex %u twice",
+                        group[i].from);
+        size_t low = 0, high = count;
+        while (low < high) {
+            size_t middle = low + (high - low) / 2;
+            if (group[middle].from < group[i].to)
+                low = middle + 1;
+            else
+                high = middle;
+        }
+        join->next[i] = (uint32_t)(low < count && group[low].from == group[i].to ? low : count);
+    }
+    return STATUS_OK;
+}
+
+/* Follows the group from `edge` to a junction, or round to where it began; visited edges lose their
+ * link and are marked by from_junction 2. */
+static size_t follow(struct seam_join *join, size_t count, size_t edge, bool *closed)
+{
+    struct pair_edge *group = join->group;
+    size_t length = 0, first = edge;
+    join->list[length++] = group[edge].from;
+    *closed = false;
+    for (;;) {
+        group[edge].from_junction = 2;
+        size_t next = join->next[edge];
+        if (next == first) { /* only from an edge that does not start at a junction */
+            *closed = true;
+            return length;
+        }
+        join->list[length++] = group[edge].to;
+        if (next == count || group[next].from_junction)
+            return length;
+        edge = next;
+    }
+}
+
+static enum status make_chains(struct seam_join *join, size_t count, struct seam_counts *counts)
+{
+    enum status status = link_group(join, count);
+    for (size_t i = 0; i < count && !status; i++) {
+        if (join->group[i].from_junction != 1)
+            continue;
+        bool closed;
+        size_t length = follow(join, count, i, &closed);
+        if (closed)
+            return fail(join->ctx, STATUS_BAD_INPUT,
+                        "mesh store: a seam chain ends at the junction that it began at");
+        status = add_chain(join, &join->group[i], length);
+    }
+    for (size_t i = 0; i < count && !status; i++) {
+        if (join->group[i].from_junction != 0)
+            continue;
+        bool closed;
+        size_t length = follow(join, count, i, &closed);
+        if (!closed)
+            return fail(join->ctx, STATUS_BAD_INPUT,
+                        "mesh store: a seam chain begins at no junction");
+        status = cut_closed_loop(join, &join->group[i], length, counts);
+    }
+    return status;
+}
+
+static enum status link_pairs(struct seam_join *join, struct seam_counts *counts)
+{
+    struct cursor cursor;
+    size_t count = 0;
+    enum status status = cursor_open(join->pairs, sizeof(struct pair_edge), &cursor);
+    while (!status) {
+        const void *record;
+        status = cursor_next(&cursor, &record);
+        if (status)
+            break;
+        struct pair_edge edge = {0};
+        if (record)
+            memcpy(&edge, record, sizeof edge);
+        if (count && (!record || edge.left != join->group[0].left ||
+                      edge.right != join->group[0].right)) {
+            status = make_chains(join, count, counts);
+            count = 0;
+        }
+        if (status || !record)
+            break;
+        status = memory_reserve(join->ctx, &join->group, &join->group_capacity, count + 1,
+                                sizeof *join->group);
+        if (!status)
+            join->group[count++] = edge;
+    }
+    counts->chains = join->chain_count;
+    sorter_close(&join->pairs);
+    return status;
+}
+
+enum status seam_join_link(struct seam_join *join, struct seam_counts *counts)
+{
+    memset(counts, 0, sizeof *counts);
+    void *vertices, *positions;
+    enum status status = spool_seal(&join->vertex_spool, &vertices);
+    if (!status)
+        status = spool_seal(&join->position_spool, &positions);
+    if (status)
+        return status;
+    join->vertices = vertices;
+    join->positions = positions;
+    status = match_edges(join);
+    if (!status)
+        status = sorter_open(join->ctx, sizeof(struct pair_edge), 2 * sizeof(uint64_t),
+                             join->sorter_limit, join->beside, &join->pairs);
+    if (!status)
+        status = find_junctions(join, counts);
+    if (!status)
+        status = sorter_open(join->ctx, sizeof(struct chain_vertex), 2 * sizeof(uint64_t),
+                             join->sorter_limit, join->beside, &join->chains);
+    if (!status)
+        status = link_pairs(join, counts);
+    if (!status)
+        status = sorter_finish(join->chains);
+    return status;
+}
+
+/* ---- step 4: what each block gets ---- */
+
+/* The next record if it belongs to `slab`, else NULL. */
+static enum status next_of_slab(struct seam_join *join, uint32_t slab,
+                                const struct chain_vertex **record)
+{
+    *record = NULL;
+    if (join->pending_place == join->pending_count) {
+        const void *records;
+        enum status status = sorter_next(join->chains, &records, &join->pending_count);
+        if (status)
+            return status;
+        join->pending = records;
+        join->pending_place = 0;
+        if (join->pending_count == 0)
+            return STATUS_OK;
+    }
+    if (join->pending[join->pending_place].side >> 32 == slab)
+        *record = join->pending + join->pending_place++;
+    return STATUS_OK;
+}
+
+struct seam_lists {
+    struct seam_chain *chains;
+    size_t chain_count, chain_capacity;
+    uint32_t *list;
+    size_t list_count, list_capacity;
+};
+
+static enum status add_list_vertex(struct seam_join *join, uint32_t slab,
+                                   const struct chain_vertex *record, struct seam_lists *lists)
+{
+    struct context *ctx = join->ctx;
+    const struct slab_part *part = join->parts + slab;
+    uint32_t place = find_vertex(join, slab, record->vertex);
+    if (place == part->vertex_count)
+        return unknown_vertex(join, slab, record->vertex);
+    enum status status = memory_reserve(ctx, &lists->list, &lists->list_capacity,
+                                        lists->list_count + 1, sizeof *lists->list);
+    if (!status && (record->place & ((1 << PLACE_SHIFT) - 1)) == 0) {
+        status = memory_reserve(ctx, &lists->chains, &lists->chain_capacity,
+                                lists->chain_count + 1, sizeof *lists->chains);
+        if (!status)
+            lists->chains[lists->chain_count++] =
+                (struct seam_chain){.left = (uint32_t)record->side,
+                                    .other_slab = record->other_slab,
+                                    .right = record->other_patch,
+                                    .vertex_first = (uint32_t)lists->list_count,
+                                    .vertex_count = record->count};
+    }
+    if (!status)
+        lists->list[lists->list_count++] = part->junction_count + place;
+    return status;
+}
+
+enum status seam_join_next(struct seam_join *join, struct chain_block *block)
+{
+    struct context *ctx = join->ctx;
+    struct seam_lists lists = {0};
+    uint32_t slab = join->slabs_given++;
+    memset(block, 0, sizeof *block);
+    block->slab = slab;
+    enum status status = STATUS_OK;
+    while (!status) {
+        const struct chain_vertex *record;
+        status = next_of_slab(join, slab, &record);
+        if (status || !record)
+            break;
+        status = add_list_vertex(join, slab, record, &lists);
+    }
+    if (!status)
+        status = memory_resize(ctx, &lists.chains, lists.chain_capacity, lists.chain_count,
+                               sizeof *lists.chains);
+    if (!status) {
+        lists.chain_capacity = lists.chain_count;
+        status = memory_resize(ctx, &lists.list, lists.list_capacity, lists.list_count,
+                               sizeof *lists.list);
+    }
+    if (status) {
+        memory_release(ctx, &lists.chains, lists.chain_capacity, sizeof *lists.chains);
+        memory_release(ctx, &lists.list, lists.list_capacity, sizeof *lists.list);
+        return status;
+    }
+    block->seam_chains = lists.chains;
+    block->seam_chain_count = (uint32_t)lists.chain_count;
+    block->seam_lists = lists.list;
+    block->seam_list_count = (uint32_t)lists.list_count;
+    return STATUS_OK;
+}

@@ -1,0 +1,622 @@
+/*
+ * From chains and patches of a block to triangles.
+ *
+ * Each chain keeps the vertices that its halving error puts above the tolerance, each patch is cut
+ * along diagonals. Doing this chain by chain and patch by patch can make the same edge twice: two
+ * chains may shrink to one segment, a diagonal may repeat a segment or another patch's diagonal, in
+ * the same block or in the next one. So all edges of the block are entered in lists by their lower
+ * vertex, which are short, and:
+ *
+ *   1. a chain between two seam vertices, and a seam chain, keeps at least one of its inner
+ * vertices if it has any: no segment between seam vertices can then be met from another block;
+ *   2. chains whose segments coincide get all their vertices back, until none do (a seam chain's
+ *      segment stays, the other one goes): edges of the store are unique, so this ends;
+ *   3. a diagonal is not to repeat an edge, nor to join two seam vertices, nor to be one of another
+ *      patch's own diagonals;
+ *   4. a patch for which no diagonals are left is cut into a fan round a vertex of its own: one
+ * from its inside, or one that its chains have dropped; else all its vertices are there still, and
+ *      its own diagonals, which rule 3 has reserved, are taken.
+ */
+#include "simplify/small_mesh.h"
+
+#include <string.h>
+
+#include "base/memory.h"
+#include "simplify/chain_simplify.h"
+
+enum { OWNER_TAKEN = UINT32_MAX }; /* else the patch for which an edge is reserved */
+
+struct edge_entry {
+    uint32_t high; /* the other vertex */
+    uint32_t next; /* entry at the same lower vertex; NO_INDEX: the last */
+    uint32_t owner;
+    uint32_t chain; /* that it is a segment of; NO_INDEX: a diagonal */
+};
+
+struct builder {
+    struct context *ctx;
+    struct small_workspace *space;
+    const struct chain_block *block;
+    double tolerance;
+    uint32_t chain_total; /* chains, then seam chains */
+    uint32_t use_count;
+    uint32_t *use_first; /* a patch, and one more */
+    uint32_t *uses;      /* chain << 1 | walked from its end */
+    unsigned char *keep; /* a vertex: it is in the mesh */
+    unsigned char *full; /* a chain: 1 when all its vertices were given back */
+    uint32_t *heads;     /* a vertex: its first entry */
+    struct edge_entry *entries;
+    uint32_t entry_count, entry_capacity;
+    float *line; /* one chain's positions */
+    float *line_errors;
+    uint32_t line_capacity;
+    uint32_t *loop; /* one patch's kept vertices */
+    double *points;
+    uint32_t *triangles;
+    uint32_t loop_capacity;
+    uint32_t patch;  /* the one that is being cut */
+    uint32_t *faces; /* block vertices */
+    float *errors;   /* a block vertex */
+    uint32_t face_count, face_capacity;
+};
+
+/* ---- chains, seam or not, in one numbering ---- */
+
+static bool is_seam(const struct builder *b, uint32_t chain)
+{
+    return chain >= b->block->chain_count;
+}
+
+static uint32_t chain_length(const struct builder *b, uint32_t chain)
+{
+    return is_seam(b, chain) ? b->block->seam_chains[chain - b->block->chain_count].vertex_count
+                             : b->block->chains[chain].interior_count + 2;
+}
+
+static uint32_t chain_vertex(const struct builder *b, uint32_t chain, uint32_t i)
+{
+    if (is_seam(b, chain)) {
+        const struct seam_chain *seam = &b->block->seam_chains[chain - b->block->chain_count];
+        return b->block->seam_lists[seam->vertex_first + i];
+    }
+    const struct chain *c = &b->block->chains[chain];
+    return i == 0 ? c->start : i <= c->interior_count ? c->interior_first + i - 1 : c->end;
+}
+
+static bool on_seam(const struct builder *b, uint32_t v)
+{
+    return v >= b->block->junction_count &&
+           v < b->block->junction_count + b->block->seam_vertex_count;
+}
+
+/* Lists the uses of chains by patch; afterwards use_first[p] .. use_first[p + 1] are patch p's. */
+static void sort_uses(struct builder *b)
+{
+    const struct chain_block *block = b->block;
+    uint32_t *first = b->use_first, sum = 0;
+    for (uint32_t i = 0; i < block->chain_count; i++) {
+        first[block->chains[i].left]++;
+        if (block->chains[i].right != NO_PATCH)
+            first[block->chains[i].right]++;
+    }
+    for (uint32_t i = 0; i < block->seam_chain_count; i++)
+        first[block->seam_chains[i].left]++;
+    for (uint32_t p = 0; p <= block->patch_count; p++) {
+        const uint32_t count = first[p];
+        first[p] = sum;
+        sum += count;
+    }
+    for (uint32_t i = 0; i < block->chain_count; i++) {
+        b->uses[first[block->chains[i].left]++] = i << 1;
+        if (block->chains[i].right != NO_PATCH)
+            b->uses[first[block->chains[i].right]++] = i << 1 | 1;
+    }
+    for (uint32_t i = 0; i < block->seam_chain_count; i++)
+        b->uses[first[block->seam_chains[i].left]++] = (block->chain_count + i) << 1;
+    for (uint32_t p = block->patch_count; p > 0; p--)
+        first[p] = first[p - 1];
+    first[0] = 0;
+}
+
+/* ---- which chain vertices are kept ---- */
+
+static struct chain_metric metric_of(const struct builder *b, uint32_t chain)
+{
+    if (is_seam(b, chain) || b->block->chains[chain].right == NO_PATCH)
+        return chain_metric_plain();
+    const struct chain *c = &b->block->chains[chain];
+    return chain_metric_between(vec3_load_float(b->block->patches[c->left].normal),
+                                vec3_load_float(b->block->patches[c->right].normal));
+}
+
+static void cut_chain(struct builder *b, uint32_t chain)
+{
+    const uint32_t length = chain_length(b, chain);
+    const uint32_t start = chain_vertex(b, chain, 0), end = chain_vertex(b, chain, length - 1);
+    b->keep[start] = b->keep[end] = 1;
+    if (length == 2)
+        return;
+    for (uint32_t i = 0; i < length; i++)
+        memcpy(b->line + 3 * (size_t)i, b->block->positions + 3 * (size_t)chain_vertex(b, chain, i),
+               3 * sizeof(float));
+    const struct chain_metric metric = metric_of(b, chain);
+    chain_errors(b->line, length, HALVING_TOP_DOWN, &metric, b->line_errors);
+    uint32_t kept = 0, worst = length / 2;
+    for (uint32_t i = 1; i + 1 < length; i++) {
+        if ((double)b->line_errors[i] > b->tolerance) {
+            b->keep[chain_vertex(b, chain, i)] = 1;
+            kept++;
+        }
+        if (b->line_errors[i] > b->line_errors[worst])
+            worst = i;
+    }
+    if (kept == 0 && (is_seam(b, chain) || (on_seam(b, start) && on_seam(b, end)))) {
+        /* rule 1; the vertex must not depend on the direction: the lower store number wins ties */
+        for (uint32_t i = 1; is_seam(b, chain) && i + 1 < length; i++)
+            if (b->line_errors[i] >= b->line_errors[worst] &&
+                chain_vertex(b, chain, i) < chain_vertex(b, chain, worst))
+                worst = i;
+        b->keep[chain_vertex(b, chain, worst)] = 1;
+    }
+}
+
+static void give_back(struct builder *b, uint32_t chain)
+{
+    for (uint32_t i = 0; i < chain_length(b, chain); i++)
+        b->keep[chain_vertex(b, chain, i)] = 1;
+    b->full[chain] = 1;
+}
+
+/* ---- the table of edges ---- */
+
+static struct edge_entry *find_edge(const struct builder *b, uint32_t u, uint32_t v)
+{
+    const uint32_t low = u < v ? u : v, high = u < v ? v : u;
+    for (uint32_t i = b->heads[low]; i != NO_INDEX; i = b->entries[i].next)
+        if (b->entries[i].high == high)
+            return &b->entries[i];
+    return NULL;
+}
+
+static enum status add_edge(struct builder *b, uint32_t u, uint32_t v, uint32_t owner,
+                            uint32_t chain)
+{
+    size_t capacity = b->entry_capacity;
+    enum status status = memory_reserve(b->ctx, &b->entries, &capacity, (size_t)b->entry_count + 1,
+                                        sizeof *b->entries);
+    if (status != STATUS_OK)
+        return status;
+    b->entry_capacity = (uint32_t)capacity;
+    const uint32_t low = u < v ? u : v, high = u < v ? v : u;
+    b->entries[b->entry_count] = (struct edge_entry){high, b->heads[low], owner, chain};
+    b->heads[low] = b->entry_count++;
+    return STATUS_OK;
+}
+
+static enum status reserve_diagonals(struct builder *b)
+{
+    b->entry_count = 0;
+    memset(b->heads, 0xff, b->block->vertex_count * sizeof *b->heads);
+    for (uint32_t p = 0; p < b->block->patch_count; p++) {
+        const struct patch *patch = &b->block->patches[p];
+        for (uint32_t i = 0; i < patch->diagonal_count; i++) {
+            const uint32_t *d = b->block->diagonals + 2 * ((size_t)patch->diagonal_first + i);
+            enum status status = add_edge(b, d[0], d[1], p, NO_INDEX);
+            if (status != STATUS_OK)
+                return status;
+        }
+    }
+    return STATUS_OK;
+}
+
+/* A segment of `chain` that is there already as `entry`: the chains involved get their vertices
+ * back and *clash is set. Seam chains stay as they are, as the other block has them so. */
+static enum status resolve_clash(struct builder *b, uint32_t chain, struct edge_entry *entry,
+                                 bool *clash)
+{
+    if (entry->chain == NO_INDEX && is_seam(b, chain)) {
+        entry->owner = OWNER_TAKEN; /* a patch's own diagonal: that patch must do without */
+        return STATUS_OK;
+    }
+    const bool fixed = is_seam(b, chain) || b->full[chain];
+    const bool other_fixed =
+        entry->chain == NO_INDEX || is_seam(b, entry->chain) || b->full[entry->chain];
+    if (fixed && other_fixed)
+        return fail(b->ctx, STATUS_BAD_INPUT, "slab %u: two chains have an edge in common",
+                    b->block->slab);
+    if (!other_fixed)
+        give_back(b, entry->chain);
+    if (!fixed)
+        give_back(b, chain);
+    *clash = true;
+    return STATUS_OK;
+}
+
+static enum status enter_chain(struct builder *b, uint32_t chain, bool *clash)
+{
+    const uint32_t length = chain_length(b, chain);
+    uint32_t from = chain_vertex(b, chain, 0);
+    for (uint32_t i = 1; i < length; i++) {
+        const uint32_t to = chain_vertex(b, chain, i);
+        if (!b->keep[to])
+            continue;
+        struct edge_entry *entry = find_edge(b, from, to);
+        enum status status = entry ? resolve_clash(b, chain, entry, clash)
+                                   : add_edge(b, from, to, OWNER_TAKEN, chain);
+        if (status != STATUS_OK)
+            return status;
+        from = to;
+    }
+    return STATUS_OK;
+}
+
+static enum status cut_chains(struct builder *b)
+{
+    for (uint32_t chain = 0; chain < b->chain_total; chain++)
+        cut_chain(b, chain);
+    for (bool clash = true; clash;) {
+        clash = false;
+        enum status status = reserve_diagonals(b);
+        for (uint32_t chain = 0; chain < b->chain_total && status == STATUS_OK; chain++)
+            status = enter_chain(b, chain, &clash);
+        if (status != STATUS_OK)
+            return status;
+    }
+    return STATUS_OK;
+}
+
+/* ---- patches ---- */
+
+/* The patch's kept vertices in order (its uses are searched for each next one: a patch has at most
+ * PATCH_FACES_MAX faces and commonly six chains); *whole: none was dropped; *alone: the same patch
+ * lies beyond all its chains. */
+static enum status gather_loop(struct builder *b, uint32_t patch, uint32_t *count, bool *whole,
+                               bool *alone)
+{
+    const uint32_t first = b->use_first[patch], end = b->use_first[patch + 1];
+    uint32_t use = b->uses[first], n = 0, beyond = NO_PATCH;
+    *whole = *alone = true;
+    for (uint32_t done = first; done < end; done++) {
+        const uint32_t chain = use >> 1, length = chain_length(b, chain);
+        uint32_t other = NO_PATCH;
+        if (!is_seam(b, chain))
+            other = use & 1 ? b->block->chains[chain].left : b->block->chains[chain].right;
+        if (other == NO_PATCH || (done > first && other != beyond))
+            *alone = false;
+        beyond = other;
+        for (uint32_t i = 0; i + 1 < length; i++) {
+            const uint32_t v = chain_vertex(b, chain, use & 1 ? length - 1 - i : i);
+            if (!b->keep[v])
+                *whole = false;
+            else if (n < b->loop_capacity)
+                b->loop[n++] = v;
+        }
+        const uint32_t last = chain_vertex(b, chain, use & 1 ? 0 : length - 1);
+        uint32_t next = first;
+        while (next < end) {
+            const uint32_t candidate = b->uses[next] >> 1;
+            const uint32_t start =
+                chain_vertex(b, candidate, b->uses[next] & 1 ? chain_length(b, candidate) - 1 : 0);
+            if (start == last)
+                break;
+            next++;
+        }
+        if (next == end)
+            return fail(b->ctx, STATUS_BAD_INPUT, "slab %u: patch %u: its chains do not close",
+                        b->block->slab, patch);
+        use = b->uses[next];
+    }
+    *count = n;
+    return STATUS_OK;
+}
+
+static bool diagonal_allowed(void *user, uint32_t i, uint32_t j)
+{
+    const struct builder *b = user;
+    const uint32_t u = b->loop[i], v = b->loop[j];
+    const struct edge_entry *entry = find_edge(b, u, v);
+    if (entry)
+        return entry->owner == b->patch;
+    return !on_seam(b, u) || !on_seam(b, v);
+}
+
+static enum status add_face(struct builder *b, uint32_t u, uint32_t v, uint32_t w)
+{
+    size_t capacity = b->face_capacity;
+    enum status status = memory_reserve(b->ctx, &b->faces, &capacity, (size_t)b->face_count + 1,
+                                        3 * sizeof *b->faces);
+    if (status != STATUS_OK)
+        return status;
+    b->face_capacity = (uint32_t)capacity;
+    uint32_t *face = b->faces + 3 * (size_t)b->face_count++;
+    face[0] = u;
+    face[1] = v;
+    face[2] = w;
+    return STATUS_OK;
+}
+
+/* A side of the loop or a diagonal? Diagonals are entered, once. */
+static enum status take_side(struct builder *b, uint32_t n, uint32_t i, uint32_t j)
+{
+    if (i > j || j - i == 1 || (i == 0 && j == n - 1))
+        return STATUS_OK; /* each diagonal is met in both directions: enter it going up */
+    struct edge_entry *entry = find_edge(b, b->loop[i], b->loop[j]);
+    if (entry) {
+        entry->owner = OWNER_TAKEN;
+        return STATUS_OK;
+    }
+    return add_edge(b, b->loop[i], b->loop[j], OWNER_TAKEN, NO_INDEX);
+}
+
+static enum status take_triangles(struct builder *b, uint32_t n, const uint32_t *triangles)
+{
+    enum status status = STATUS_OK;
+    for (uint32_t t = 0; t + 2 < n && status == STATUS_OK; t++) {
+        const uint32_t *corner = triangles + 3 * (size_t)t;
+        for (int k = 0; k < 3 && status == STATUS_OK; k++)
+            status = take_side(b, n, corner[k], corner[(k + 1) % 3]);
+        if (status == STATUS_OK)
+            status = add_face(b, b->loop[corner[0]], b->loop[corner[1]], b->loop[corner[2]]);
+    }
+    return status;
+}
+
+/* A vertex that only this patch may use: inside it, or dropped from one of its own chains. Dropped
+ * seam vertices are not to be had: the other block could take them too. */
+static uint32_t find_spare(const struct builder *b, uint32_t patch)
+{
+    const struct patch *record = &b->block->patches[patch];
+    if (record->interior_count > 0)
+        return record->interior_first + record->interior_count / 2;
+    for (uint32_t i = b->use_first[patch]; i < b->use_first[patch + 1]; i++) {
+        const uint32_t chain = b->uses[i] >> 1;
+        for (uint32_t k = 0; !is_seam(b, chain) && k < chain_length(b, chain); k++)
+            if (!b->keep[chain_vertex(b, chain, k)])
+                return chain_vertex(b, chain, k);
+    }
+    return NO_INDEX;
+}
+
+static enum status cut_fan(struct builder *b, uint32_t n, uint32_t centre)
+{
+    b->keep[centre] = 1;
+    enum status status = STATUS_OK;
+    for (uint32_t i = 0; i < n && status == STATUS_OK; i++)
+        status = add_face(b, centre, b->loop[i], b->loop[i + 1 == n ? 0 : i + 1]);
+    return status;
+}
+
+static bool own_diagonal_allowed(void *user, uint32_t i, uint32_t j)
+{
+    const struct builder *b = user;
+    const struct edge_entry *entry = find_edge(b, b->loop[i], b->loop[j]);
+    return entry && entry->owner == b->patch;
+}
+
+static enum status cut_patch(struct builder *b, uint32_t patch)
+{
+    uint32_t n = 0;
+    bool whole, alone;
+    enum triangulation_quality quality = TRIANGULATION_PLANAR;
+    enum status status = gather_loop(b, patch, &n, &whole, &alone);
+    if (status != STATUS_OK)
+        return status;
+    const struct patch *record = &b->block->patches[patch];
+    const double normal[3] = {(double)record->normal[0], (double)record->normal[1],
+                              (double)record->normal[2]};
+    b->patch = patch;
+    for (uint32_t i = 0; i < n; i++) {
+        const float *p = b->block->positions + 3 * (size_t)b->loop[i];
+        for (int k = 0; k < 3; k++)
+            b->points[3 * (size_t)i + k] = (double)p[k];
+        float *error = &b->errors[b->loop[i]];
+        *error = record->deviation > *error ? record->deviation : *error;
+    }
+    const uint32_t spare = find_spare(b, patch);
+    if (n == 3 && alone && spare != NO_INDEX)
+        return cut_fan(b, n, spare); /* it must not be the same triangle as the patch beyond */
+    status = triangulate(b->ctx, &b->space->triangulation, b->points, n, normal, diagonal_allowed,
+                         b, b->triangles, &quality);
+    if (status != STATUS_OK)
+        return status;
+    if (quality != TRIANGULATION_BLOCKED)
+        return take_triangles(b, n, b->triangles);
+    if (spare != NO_INDEX)
+        return cut_fan(b, n, spare);
+    status = triangulate(b->ctx, &b->space->triangulation, b->points, n, normal,
+                         own_diagonal_allowed, b, b->triangles, &quality);
+    if (status == STATUS_OK && quality == TRIANGULATION_BLOCKED)
+        status = fail(b->ctx, STATUS_INTERNAL, "slab %u: patch %u can't be triangulated%s",
+                      b->block->slab, patch, whole ? "" : " without its dropped vertices");
+    return status == STATUS_OK ? take_triangles(b, n, b->triangles) : status;
+}
+
+/* ---- the result ---- */
+
+/* Gives vertices their numbers by first use and copies what belongs to them. */
+static enum status finish(struct builder *b, uint32_t stride, struct small_mesh *mesh)
+{
+    const struct chain_block *block = b->block;
+    uint32_t *numbers = b->heads, count = 0, seams = 0;
+    memset(numbers, 0xff, block->vertex_count * sizeof *numbers);
+    for (size_t i = 0; i < 3 * (size_t)b->face_count; i++) {
+        uint32_t *number = &numbers[b->faces[i]];
+        if (*number == NO_INDEX) {
+            *number = count++;
+            seams += on_seam(b, b->faces[i]);
+        }
+    }
+    struct collapse_mesh *to = &mesh->triangles;
+    to->vertex_count = count;
+    to->face_count = b->face_count;
+    mesh->seam_count = seams;
+    enum status status = memory_take(b->ctx, count, 3 * sizeof *to->positions, &to->positions);
+    if (status == STATUS_OK)
+        status = memory_take(b->ctx, b->face_count, 3 * sizeof *to->faces, &to->faces);
+    if (status == STATUS_OK)
+        status = memory_take(b->ctx, count, sizeof *to->errors, &to->errors);
+    if (status == STATUS_OK)
+        status = memory_take(b->ctx, seams, sizeof *mesh->seams, &mesh->seams);
+    if (status == STATUS_OK && stride > 0)
+        status = memory_take(b->ctx, count, stride, &to->records);
+    if (status != STATUS_OK)
+        return status;
+    for (size_t i = 0; i < 3 * (size_t)b->face_count; i++)
+        to->faces[i] = numbers[b->faces[i]];
+    seams = 0;
+    for (uint32_t v = 0; v < block->vertex_count; v++) {
+        const size_t number = numbers[v];
+        if (number == NO_INDEX)
+            continue;
+        memcpy(to->positions + 3 * number, block->positions + 3 * (size_t)v, 3 * sizeof(float));
+        to->errors[number] = b->errors[v];
+        if (stride > 0)
+            memcpy(to->records + number * stride, block->records + (size_t)v * stride, stride);
+        if (on_seam(b, v))
+            mesh->seams[seams++] =
+                (struct seam_tag){block->seam_vertices[v - block->junction_count], (uint32_t)number,
+                                  block->slab, block->slab};
+    }
+    return STATUS_OK;
+}
+
+/* Widens the tags by the slabs beyond each seam chain. */
+static void tag_seams(const struct builder *b, struct small_mesh *mesh)
+{
+    uint32_t *tags = b->loop; /* by seam vertex */
+    const uint32_t first = b->block->junction_count;
+    for (uint32_t i = 0; i < b->block->seam_vertex_count; i++)
+        tags[i] = NO_INDEX;
+    for (uint32_t i = 0, v = 0; i < mesh->seam_count; i++) {
+        while (b->block->seam_vertices[v] != mesh->seams[i].number)
+            v++;
+        tags[v] = i;
+    }
+    for (uint32_t i = 0; i < b->block->seam_chain_count; i++) {
+        const struct seam_chain *seam = &b->block->seam_chains[i];
+        for (uint32_t k = 0; k < seam->vertex_count; k++) {
+            const uint32_t tag = tags[b->block->seam_lists[seam->vertex_first + k] - first];
+            if (tag == NO_INDEX)
+                continue;
+            struct seam_tag *t = &mesh->seams[tag];
+            t->lowest = seam->other_slab < t->lowest ? seam->other_slab : t->lowest;
+            t->highest = seam->other_slab > t->highest ? seam->other_slab : t->highest;
+        }
+    }
+}
+
+/* ---- memory ---- */
+
+static void measure_block(struct builder *b)
+{
+    uint32_t longest = 2;
+    b->use_count = 0;
+    for (uint32_t chain = 0; chain < b->chain_total; chain++) {
+        const uint32_t length = chain_length(b, chain);
+        longest = length > longest ? length : longest;
+        b->use_count += !is_seam(b, chain) && b->block->chains[chain].right != NO_PATCH ? 2 : 1;
+    }
+    b->line_capacity = longest;
+    b->loop_capacity = b->block->seam_vertex_count;
+}
+
+static void measure_loops(struct builder *b)
+{
+    for (uint32_t p = 0; p < b->block->patch_count; p++) {
+        uint32_t length = 0;
+        for (uint32_t i = b->use_first[p]; i < b->use_first[p + 1]; i++)
+            length += chain_length(b, b->uses[i] >> 1) - 1;
+        b->loop_capacity = length > b->loop_capacity ? length : b->loop_capacity;
+    }
+}
+
+static enum status take_arrays(struct builder *b)
+{
+    struct context *ctx = b->ctx;
+    const size_t vertices = b->block->vertex_count;
+    enum status status = memory_take_zeroed(ctx, (size_t)b->block->patch_count + 1,
+                                            sizeof *b->use_first, &b->use_first);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, b->use_count, sizeof *b->uses, &b->uses);
+    if (status != STATUS_OK)
+        return status;
+    sort_uses(b);
+    measure_loops(b);
+    status = memory_take_zeroed(ctx, vertices, 1, &b->keep);
+    if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, b->chain_total, 1, &b->full);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, vertices, sizeof *b->heads, &b->heads);
+    if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, vertices, sizeof *b->errors, &b->errors);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, b->line_capacity, 3 * sizeof *b->line, &b->line);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, b->line_capacity, sizeof *b->line_errors, &b->line_errors);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, b->loop_capacity, sizeof *b->loop, &b->loop);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, b->loop_capacity, 3 * sizeof *b->points, &b->points);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, b->loop_capacity, 3 * sizeof *b->triangles, &b->triangles);
+    return status;
+}
+
+static void release_arrays(struct builder *b)
+{
+    struct context *ctx = b->ctx;
+    const size_t vertices = b->block->vertex_count;
+    memory_release(ctx, &b->faces, b->face_capacity, 3 * sizeof *b->faces);
+    memory_release(ctx, &b->entries, b->entry_capacity, sizeof *b->entries);
+    memory_release(ctx, &b->triangles, b->loop_capacity, 3 * sizeof *b->triangles);
+    memory_release(ctx, &b->points, b->loop_capacity, 3 * sizeof *b->points);
+    memory_release(ctx, &b->loop, b->loop_capacity, sizeof *b->loop);
+    memory_release(ctx, &b->line_errors, b->line_capacity, sizeof *b->line_errors);
+    memory_release(ctx, &b->line, b->line_capacity, 3 * sizeof *b->line);
+    memory_release(ctx, &b->errors, vertices, sizeof *b->errors);
+    memory_release(ctx, &b->heads, vertices, sizeof *b->heads);
+    memory_release(ctx, &b->full, b->chain_total, 1);
+    memory_release(ctx, &b->keep, vertices, 1);
+    memory_release(ctx, &b->uses, b->use_count, sizeof *b->uses);
+    memory_release(ctx, &b->use_first, (size_t)b->block->patch_count + 1, sizeof *b->use_first);
+}
+
+enum status small_mesh_build(struct context *ctx, struct small_workspace *space, uint32_t stride,
+                             const struct chain_block *block, double tolerance,
+                             struct small_mesh *mesh)
+{
+    struct builder b = {.ctx = ctx,
+                        .space = space,
+                        .block = block,
+                        .tolerance = tolerance,
+                        .chain_total = block->chain_count + block->seam_chain_count};
+    memset(mesh, 0, sizeof *mesh);
+    measure_block(&b);
+    enum status status = take_arrays(&b);
+    if (status == STATUS_OK)
+        status = cut_chains(&b);
+    for (uint32_t patch = 0; patch < block->patch_count && status == STATUS_OK; patch++)
+        status = cut_patch(&b, patch);
+    if (status == STATUS_OK)
+        status = finish(&b, stride, mesh);
+    if (status == STATUS_OK) {
+        tag_seams(&b, mesh);
+        status = small_mesh_split(ctx, stride, mesh);
+    }
+    if (status != STATUS_OK)
+        small_mesh_clear(ctx, stride, mesh);
+    release_arrays(&b);
+    return status;
+}
+
+void small_mesh_clear(struct context *ctx, uint32_t stride, struct small_mesh *mesh)
+{
+    memory_release(ctx, &mesh->seams, mesh->seam_count, sizeof *mesh->seams);
+    collapse_mesh_clear(ctx, stride, &mesh->triangles);
+    memset(mesh, 0, sizeof *mesh);
+}
+
+void small_workspace_clear(struct context *ctx, struct small_workspace *space)
+{
+    triangulation_workspace_clear(ctx, &space->triangulation);
+}
