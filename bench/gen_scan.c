@@ -281,8 +281,19 @@ static bool box_of(uint64_t cells, uint64_t size[3])
 
 /* ---- the shape ---- */
 
+/* The lattice cell that a layer of noise was last asked about. Neighbouring vertices mostly lie in
+ * one, and hashing its corners is most of the work. */
+struct noise_cell {
+    int32_t x, y, z;
+    bool is_filled;
+    double values[8];
+};
+
+enum { EXTRA_LAYERS = 3 }; /* besides the octaves */
+
 struct shape {
     const struct grid *grid;
+    struct noise_cell cells[OCTAVES_MAX + EXTRA_LAYERS];
     uint32_t seed;
     unsigned octaves;
     double amplitude[OCTAVES_MAX];
@@ -290,21 +301,29 @@ struct shape {
     uint64_t noise_seed;
 };
 
-/* Smooth value noise in [-1, 1] on the integer lattice, twice differentiable. */
-static double value_noise(double x, double y, double z, uint32_t seed)
+static void fill_cell(struct noise_cell *cell, int32_t x, int32_t y, int32_t z, uint32_t seed)
 {
+    static const uint32_t primes[3] = {0x8da6b343, 0xd8163841, 0xcb1ab31f};
+    *cell = (struct noise_cell){.x = x, .y = y, .z = z, .is_filled = true};
+    for (unsigned corner = 0; corner < 8; corner++) {
+        uint32_t hash = seed ^ ((uint32_t)x + (corner & 1)) * primes[0] ^
+                        ((uint32_t)y + (corner >> 1 & 1)) * primes[1] ^
+                        ((uint32_t)z + (corner >> 2)) * primes[2];
+        cell->values[corner] = (double)(int32_t)mix32(hash);
+    }
+}
+
+/* Smooth value noise in [-1, 1] on the integer lattice, twice differentiable. Each layer has its
+ * own seed. */
+static double value_noise(struct shape *shape, unsigned layer, double x, double y, double z)
+{
+    struct noise_cell *cell = &shape->cells[layer];
     double floor_x = floor(x), floor_y = floor(y), floor_z = floor(z);
     double s = x - floor_x, t = y - floor_y, r = z - floor_z;
-    uint32_t hash_x = (uint32_t)(int32_t)floor_x * UINT32_C(0x8da6b343);
-    uint32_t hash_y = (uint32_t)(int32_t)floor_y * UINT32_C(0xd8163841);
-    uint32_t hash_z = (uint32_t)(int32_t)floor_z * UINT32_C(0xcb1ab31f);
-    double values[8];
-    for (unsigned corner = 0; corner < 8; corner++) {
-        uint32_t hash = seed ^ (hash_x + (corner & 1 ? UINT32_C(0x8da6b343) : 0)) ^
-                        (hash_y + (corner & 2 ? UINT32_C(0xd8163841) : 0)) ^
-                        (hash_z + (corner & 4 ? UINT32_C(0xcb1ab31f) : 0));
-        values[corner] = (double)(int32_t)mix32(hash);
-    }
+    int32_t cell_x = (int32_t)floor_x, cell_y = (int32_t)floor_y, cell_z = (int32_t)floor_z;
+    if (!cell->is_filled || cell->x != cell_x || cell->y != cell_y || cell->z != cell_z)
+        fill_cell(cell, cell_x, cell_y, cell_z, shape->seed + layer);
+    const double *values = cell->values;
     s = s * s * s * (s * (s * 6 - 15) + 10);
     t = t * t * t * (t * (t * 6 - 15) + 10);
     r = r * r * r * (r * (r * 6 - 15) + 10);
@@ -325,11 +344,11 @@ static double clamp_unit(double value)
  * The radius in a direction: lumps at all scales down to a dozen edges, folds with sharp creases,
  * and fine detail in some regions only, so that there is smooth skin beside hair.
  */
-static double radius(const struct shape *shape, const double way[3])
+static double radius(struct shape *shape, const double way[3])
 {
     double sum = 1.0, frequency = 1.7;
     double rough = clamp_unit(
-        0.5 + 1.6 * value_noise(way[0] * 2.3 + 9, way[1] * 2.3, way[2] * 2.3, shape->seed));
+        0.5 + 1.6 * value_noise(shape, OCTAVES_MAX, way[0] * 2.3 + 9, way[1] * 2.3, way[2] * 2.3));
     for (unsigned octave = 0; octave < shape->octaves; octave++) {
         double weight = octave < 3 ? 1.0 : 0.25 + 0.75 * rough;
         /* Each octave is turned against the last, so that no lattice shows. */
@@ -337,12 +356,14 @@ static double radius(const struct shape *shape, const double way[3])
         double turned_x = 0.8 * x + 0.6 * y, turned_y = -0.6 * x + 0.8 * y;
         bool odd = octave & 1;
         sum += shape->amplitude[octave] * weight *
-               value_noise((odd ? turned_x : x) + 31.4, odd ? turned_y : 0.6 * y - 0.8 * z,
-                           odd ? z : 0.8 * y + 0.6 * z, shape->seed + octave + 1);
+               value_noise(shape, octave, (odd ? turned_x : x) + 31.4,
+                           odd ? turned_y : 0.6 * y - 0.8 * z, odd ? z : 0.8 * y + 0.6 * z);
         frequency *= 2.0;
     }
-    double fold = value_noise(way[0] * 3.1, way[1] * 3.1 + 50, way[2] * 1.1, shape->seed + 101);
-    double crease = value_noise(way[0] * 7.3, way[1] * 7.3, way[2] * 5.1 + 70, shape->seed + 102);
+    double fold =
+        value_noise(shape, OCTAVES_MAX + 1, way[0] * 3.1, way[1] * 3.1 + 50, way[2] * 1.1);
+    double crease =
+        value_noise(shape, OCTAVES_MAX + 2, way[0] * 7.3, way[1] * 7.3, way[2] * 5.1 + 70);
     sum += 0.16 * fabs(fold) - 0.05 * (1.0 - rough) * fabs(crease);
     return sum < 0.25 ? 0.25 : sum;
 }
@@ -355,7 +376,7 @@ static double warp(double u)
 }
 
 /* The place of a lattice point without noise: the sphere, displaced, and stretched to a figure. */
-static void smooth_position(const struct shape *shape, const uint64_t point[3], double out[3])
+static void smooth_position(struct shape *shape, const uint64_t point[3], double out[3])
 {
     double way[3];
     for (unsigned k = 0; k < 3; k++)
@@ -369,8 +390,7 @@ static void smooth_position(const struct shape *shape, const uint64_t point[3], 
     out[2] = way[2] * distance * 1.5;
 }
 
-static void position(const struct shape *shape, uint64_t vertex, const uint64_t point[3],
-                     float out[3])
+static void position(struct shape *shape, uint64_t vertex, const uint64_t point[3], float out[3])
 {
     double place[3];
     smooth_position(shape, point, place);
@@ -382,7 +402,7 @@ static void position(const struct shape *shape, uint64_t vertex, const uint64_t 
 }
 
 /* Mean length of the edges of evenly picked faces. */
-static double mean_edge(const struct shape *shape, uint64_t seed)
+static double mean_edge(struct shape *shape, uint64_t seed)
 {
     enum { SAMPLES = 20000 };
     uint64_t faces = shape->grid->cell_count * 2;

@@ -1,0 +1,198 @@
+#!/usr/bin/env python3
+"""accuracy.py [--work DIR] [--only NAME,...] [--peers NAME,...] [-o RECORD.md]
+
+Compares the accuracy of spbm with that of Debian's other simplifiers at equal face counts: each
+input is imported and exported once (so that all simplify the same clean manifold), simplified by
+each program to the same counts, and measured by `spbm measure`. The record is a Markdown table a
+mesh: mean, RMS and symmetric maximum as fractions of the diagonal, each also as a ratio to the best
+quadric collapse, whether topology survived, CPU seconds and peak memory of the whole process.
+
+The peers' results are kept in DIR, as they do not change: only spbm's are made again.
+scripts/peers.sh installs the peers and builds their drivers (bench/peers).
+"""
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import time
+
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+DATA = os.environ.get("SPBM_DATA", os.path.join(ROOT, "..", "shared", "data"))
+
+# Counts: about 10 %, 2 %, 1 % and less of the faces, at least five times the floor.
+MESHES = {
+    "bunny": ("stanford_bunny_ascii.ply", [6945, 1504, 695]),
+    "elephant": ("refined_elephant.off.gz", [8892, 1778, 889]),
+    "koala": ("koala.obj.gz", [9999, 2000, 1000]),
+    "skull": ("skull.obj.gz", [10000, 2000, 1000]),
+    "dragon": ("stanford_dragon.ply.gz", [87000, 17400, 8700]),
+    "cranium": ("ct_cranium_open.ply.gz", [40000, 34200]),
+    "brain": ("mri_brain_3m.ply.gz", [306000, 61000, 30600]),
+    "fandisk": ("fandisk.off.gz", [1294, 260, 130]),
+    "noisy": ("gen:--faces 1087716", [108770, 12700, 3500]),
+    "clean": ("gen:--faces 1087716 --noise 0", [108770, 12700, 3500]),
+}
+
+PEERS = {
+    "CGAL Lindstrom-Turk": ("cgal", "lindstrom-turk"),
+    "CGAL Garland-Heckbert": ("cgal", "garland-heckbert"),
+    "VTK quadric": ("vtk", "quadric"),
+    "OpenMesh quadric": ("openmesh", "quadric"),
+    "meshoptimizer": ("meshoptimizer", "simplify"),
+}
+QUADRIC = ("CGAL Garland-Heckbert", "VTK quadric")
+
+
+def run(command, allowed=(0,)):
+    """Runs a command to its end; (output, CPU seconds, peak bytes) of that process alone."""
+    reader, writer = os.pipe()
+    child = os.posix_spawnp(command[0], command, os.environ,
+                            file_actions=[(os.POSIX_SPAWN_DUP2, writer, 1),
+                                          (os.POSIX_SPAWN_CLOSE, reader)])
+    os.close(writer)
+    with os.fdopen(reader, "rb") as pipe:
+        output = pipe.read().decode(errors="replace")
+    _, status, usage = os.wait4(child, 0)
+    if os.waitstatus_to_exitcode(status) not in allowed:
+        raise RuntimeError(f"{' '.join(command)} failed")
+    return output, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
+
+
+def prepare(spbm, generator, work, name):
+    """The clean mesh of an input as a binary PLY, and its store's report."""
+    source, _ = MESHES[name]
+    mesh, report = f"{work}/{name}.ply", f"{work}/{name}.json"
+    if not os.path.exists(report):
+        if source.startswith("gen:"):
+            path = f"{work}/{name}-generated.ply"
+            run([generator, *source[4:].split(), "-o", path])
+        else:
+            path = os.path.join(DATA, source)
+        run([spbm, "import", path, "-o", f"{work}/{name}.store", "-q", "--json", report + "~"])
+        run([spbm, "export", f"{work}/{name}.store", "-o", mesh, "-q"])
+        os.rename(report + "~", report)
+    with open(report, encoding="utf-8") as file:
+        return mesh, json.load(file)["store"]
+
+
+def simplify(spbm, peers, work, name, method, mesh, faces):
+    """Runs one simplification and measures it. Peers' results come from the work folder if there."""
+    slug = method.lower().replace(" ", "-")
+    output, record = f"{work}/{name}-{faces}-{slug}.ply", f"{work}/{name}-{faces}-{slug}.json"
+    own = method.startswith("spbm")
+    if not own and os.path.exists(record):
+        with open(record, encoding="utf-8") as file:
+            return json.load(file)
+    if own:
+        effort = method.split()[-1]
+        report, cpu, peak = run([spbm, "simplify", mesh, "-o", output, "--faces", str(faces), "-q",
+                                 "--effort", effort, "--json", "-"], (0, 3))
+        level = json.loads(report)["levels"][0]
+    else:
+        program, argument = PEERS[method]
+        _, cpu, peak = run([f"{peers}/{program}", argument, mesh, output, str(faces)])
+        level = None
+    measured, _, _ = run([spbm, "measure", mesh, output, "-q", "--json", "-"])
+    result = {"cpu": cpu, "peak": peak, "level": level,
+              "measurement": json.loads(measured)["measurement"]}
+    with open(record, "w", encoding="utf-8") as file:
+        json.dump(result, file)
+    return result
+
+
+def describe_topology(wanted, result):
+    """What a simplification did to the topology; "kept" when nothing."""
+    quality = result["measurement"]["simplified"]
+    found = [f"{quality[key]:,} {words}" for key, words in (
+        ("nonmanifold_edges", "non-manifold edges"),
+        ("nonmanifold_vertices", "non-manifold vertices"),
+        ("misoriented_edges", "misoriented edges"),
+        ("duplicate_faces", "duplicate faces"),
+        ("degenerate_faces", "degenerate faces")) if quality[key]]
+    for key in ("components", "border_loops", "euler"):
+        if quality["topology"][key] != wanted[key]:
+            found.append(f"{key.replace('_', ' ')} {quality['topology'][key]:,} "
+                         f"for {wanted[key]:,}")
+    return "; ".join(found) or "kept"
+
+
+def figures(result):
+    measurement = result["measurement"]
+    diagonal = measurement["diagonal"]
+    both = [measurement["forward"], measurement["backward"]]
+    return {"mean": sum(way["mean"] for way in both) / 2 / diagonal,
+            "rms": (sum(way["rms"] ** 2 for way in both) / 2) ** 0.5 / diagonal,
+            "max": measurement["hausdorff"] / diagonal}
+
+
+def table(name, store, faces, results):
+    rows = [f"\n### {name}: {store['topology']['faces']:,} faces to {faces:,}"
+            f" (floor {store['topology']['floor']:,})\n",
+            "| method | faces | mean | RMS | max | mean, RMS, max to the quadric collapses' best |"
+            " --error to max | topology | CPU s | peak MB |", "|---|---|---|---|---|---|---|---|---|---|"]
+    best = {}
+    for method in QUADRIC:
+        if method in results:
+            for key, value in figures(results[method]).items():
+                best[key] = min(value, best.get(key, value))
+    for method, result in results.items():
+        own = figures(result)
+        ratios = ", ".join(f"{own[key] / best[key]:.2f}" for key in own) if best else ""
+        level = result["level"]
+        estimate = (f"{level['error'] / result['measurement']['hausdorff']:.2f}" if level else "")
+        rows.append(
+            f"| {method} | {result['measurement']['simplified']['topology']['faces']:,} "
+            f"| {own['mean']:.3e} | {own['rms']:.3e} | {own['max']:.3e} | {ratios} | {estimate} "
+            f"| {describe_topology(store['topology'], result)} | {result['cpu']:.2f} "
+            f"| {result['peak'] / 1e6:.0f} |")
+    return rows
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[1])
+    parser.add_argument("--spbm", default=f"{ROOT}/build/tools/spbm")
+    parser.add_argument("--generator", default=f"{ROOT}/build/bench/gen_scan")
+    parser.add_argument("--peers", default=f"{ROOT}/build/peers", help="folder of the drivers")
+    parser.add_argument("--methods", help="comma-separated; default: all whose driver is there")
+    parser.add_argument("--work", default=f"{ROOT}/build/accuracy")
+    parser.add_argument("--only", help="comma-separated names of meshes")
+    parser.add_argument("-o", "--output", help="the record; default: standard output")
+    options = parser.parse_args()
+    os.makedirs(options.work, exist_ok=True)
+    methods = ["spbm effort 1", "spbm effort 2", "spbm effort 3"]
+    methods += [peer for peer, (program, _) in PEERS.items()
+                if os.path.exists(f"{options.peers}/{program}")]
+    if options.methods:
+        methods = options.methods.split(",")
+    commit = subprocess.run(["git", "-C", ROOT, "rev-parse", "--short", "HEAD"],
+                            capture_output=True, text=True, check=False).stdout.strip()
+    lines = ["# Accuracy at equal face counts\n",
+             f"{time.strftime('%Y-%m-%d')}, commit {commit}, {platform.machine()}, "
+             f"{os.cpu_count()} cores. Command: `{' '.join(['bench/accuracy.py'] + sys.argv[1:])}`."
+             " Lengths are fractions of the bounding box's diagonal, mean of both directions;"
+             " CPU seconds and peak memory are of the whole process, reading and writing"
+             " included."]
+    for name in options.only.split(",") if options.only else MESHES:
+        mesh, store = prepare(options.spbm, options.generator, options.work, name)
+        for faces in MESHES[name][1]:
+            results = {}
+            for method in methods:
+                try:
+                    results[method] = simplify(options.spbm, options.peers, options.work, name,
+                                               method, mesh, faces)
+                except RuntimeError as error:
+                    print(error, file=sys.stderr)
+            lines += table(name, store, faces, results)
+            print("\n".join(lines[-len(results) - 3:]), file=sys.stderr)
+    text = "\n".join(lines) + "\n"
+    if options.output:
+        with open(options.output, "w", encoding="utf-8") as file:
+            file.write(text)
+    else:
+        print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,51 @@
+/*
+ * What the files of the public interface share: the job, how every call begins and ends, and the
+ * turning of internal reports into public ones.
+ */
+#ifndef SPBM_API_INTERNAL_H
+#define SPBM_API_INTERNAL_H
+
+#include "base/report.h"
+#include "inspect/quality.h"
+#include "mesh/store.h"
+#include "simplify/simplify.h"
+#include "spbm.h"
+
+struct spbm_job {
+    struct context ctx;
+    spbm_settings settings;
+};
+
+/* Every call begins and ends with these two: the first failure of this call is what counts, and a
+ * failure always has words. */
+struct context *call_begin(spbm_job *job);
+spbm_status call_end(spbm_job *job, enum status status);
+
+/* ---- options ---- */
+
+bool is_standard_stream(const char *path);
+/* The directory that `path` lies in, in `folder` (PATH_MAX bytes). */
+void folder_of(const char *path, char *folder);
+
+/* Each fails with STATUS_MISUSE or STATUS_IO where the work could not end well. */
+enum status check_writable(struct context *ctx, const char *output) MUST_CHECK;
+enum status check_format(struct context *ctx, const char *output, spbm_format format) MUST_CHECK;
+enum status check_inputs(struct context *ctx, const char *const *inputs, size_t input_count,
+                         const char *output) MUST_CHECK;
+enum status check_target(struct context *ctx, const spbm_target *target) MUST_CHECK;
+enum status check_levels(struct context *ctx, const char *const *inputs, size_t input_count,
+                         const char *output, const spbm_target *target,
+                         const spbm_lod_options *options) MUST_CHECK;
+enum status check_patch_options(struct context *ctx, const spbm_patch_options *options) MUST_CHECK;
+
+struct target make_target(const spbm_target *from);
+struct patch_request make_request(const spbm_patch_options *from, int level, bool sync);
+
+/* ---- reports ---- */
+
+void copy_store(spbm_store_figures *to, const struct store_info *from);
+void copy_chains(spbm_chain_figures *to, const struct chain_info *from);
+void copy_levels(spbm_levels *to, const struct lod_report *from, const struct chain_info *chains);
+void copy_quality(spbm_quality *to, const struct quality *from, uint32_t attribute_count);
+
+#endif

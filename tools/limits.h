@@ -1,0 +1,22 @@
+/*
+ * How much of the machine a run may use when the user does not say: memory and threads, from the
+ * machine, its control group and the batch system.
+ */
+#ifndef SPBM_TOOLS_LIMITS_H
+#define SPBM_TOOLS_LIMITS_H
+
+#include <stdint.h>
+
+struct limits {
+    uint64_t memory;         /* bytes */
+    const char *memory_from; /* static words: where the figure comes from */
+    unsigned threads;
+    const char *threads_from;
+};
+
+/* Half of the least of: the machine's memory, that of the control group (version 1 or 2) and of
+ * those above it, SLURM_MEM_PER_NODE. Threads: the least of the processors this process may run
+ * on, SLURM_CPUS_PER_TASK and OMP_NUM_THREADS. */
+void limits_find(struct limits *limits);
+
+#endif

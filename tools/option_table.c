@@ -1,0 +1,161 @@
+/*
+ * Options and their help. Defaults that the library sets stand as @name@ and are filled in when the
+ * help is printed, so that help cannot be wrong about them.
+ */
+#include "option_table.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "limits.h"
+#include "options.h"
+#include "values.h"
+
+const struct option_row option_rows[] = {
+    {OPTION_OUTPUT, GROUP_OUTPUT, 'o', "output", "OUT",
+     "where to write; - is standard output (required)"},
+    {OPTION_FORMAT, GROUP_FORMAT, 0, "format", "F",
+     "ply, ply-ascii, ply-big, obj, stl or off (default: by OUT's\n"
+     "ending; needed for -o -)"},
+    {OPTION_WELD, GROUP_WELD, 0, "weld", NULL,
+     "merge coincident vertices of indexed inputs too (default: off;\n"
+     "STL is always welded)"},
+    {OPTION_FACES, GROUP_TARGET, 'n', "faces", "N[,N...]",
+     "faces of each level, for instance 50k,10k,2000"},
+    {OPTION_RATIO, GROUP_TARGET, 'r', "ratio", "R[,R...]",
+     "or: fraction of the input's faces, 0.05 or 5%"},
+    {OPTION_ERROR, GROUP_TARGET, 'e', "error", "E[,E...]",
+     "or: estimated largest distance to the original, a length, or\n"
+     "with % a fraction of the bounding box's diagonal; one value\n"
+     "together with --faces or --ratio: what is reached first stops"},
+    {OPTION_MODE, GROUP_TARGET, 0, "mode", "M",
+     "classic: merges patches, for CAD parts; collapse: collapses\n"
+     "edges of fine patches, for scans (default: @mode@)"},
+    {OPTION_EFFORT, GROUP_TARGET, 0, "effort", "N", "1 fastest to 3 most accurate (default: 2)"},
+    {OPTION_PATCH_ANGLE, GROUP_PATCH, 0, "patch-angle", "A[,A2]",
+     "degrees that a face may lean from its patch; A2: faces that\n"
+     "share two edges with it (default: chosen from the scan's noise)"},
+    {OPTION_FACE_ANGLE, GROUP_PATCH, 0, "face-angle", "A[,A2]",
+     "the same from the neighbouring face (default: chosen)"},
+    {OPTION_SMOOTH, GROUP_PATCH, 0, "smooth", "N",
+     "times the face normals are averaged with their neighbours'\n"
+     "(default: chosen)"},
+    {OPTION_CHAIN_TOLERANCE, GROUP_PATCH, 0, "chain-tolerance", "E",
+     "chain vertices needed for no more than this are not kept; a\n"
+     "length, or with % a fraction of the diagonal (default: chosen)"},
+    {OPTION_PLACE, GROUP_PLACE, 0, "place", "P",
+     "subset: output vertices are input vertices, bit for bit;\n"
+     "optimal: where the error is least (default: subset in mode\n"
+     "classic, optimal in mode collapse)"},
+    {OPTION_KEEP, GROUP_KEEP, 0, "keep", "DIR",
+     "keep DIR/mesh.store and DIR/mesh.chains (default: temporary)"},
+    {OPTION_SAMPLES, GROUP_MEASURE, 0, "samples", "N",
+     "samples for each face of the simplified mesh (default: 10)"},
+    {OPTION_SELF_INTERSECTIONS, GROUP_MEASURE, 0, "self-intersections", NULL,
+     "count faces that cut through others (default: off)"},
+    {OPTION_SIZE, GROUP_RENDER, 0, "size", "WxH",
+     "pixels of each picture of the row (default: @size@)"},
+    {OPTION_VIEW, GROUP_RENDER, 0, "view", "X,Y,Z",
+     "direction from the model to the eye (default: chosen)"},
+    {OPTION_UP, GROUP_RENDER, 0, "up", "X,Y,Z", "direction that is up (default: chosen)"},
+    {OPTION_WIREFRAME, GROUP_RENDER, 'w', "wireframe", NULL, "draw the edges too"},
+    {OPTION_FLAT, GROUP_RENDER, 0, "flat", NULL,
+     "shade faces flat, so that they can be told apart"},
+    {OPTION_NO_CAPTIONS, GROUP_RENDER, 0, "no-captions", NULL, "no names and counts below"},
+    {OPTION_BACKGROUND, GROUP_RENDER, 0, "background", "RRGGBB",
+     "colour behind the meshes (default: @background@)"},
+    {OPTION_MEMORY, GROUP_SHARED, 'm', "memory", "SIZE",
+     "memory budget; K, M, G are binary (default: half of what\n"
+     "machine, control group or Slurm give; here @memory@)"},
+    {OPTION_THREADS, GROUP_SHARED, 't', "threads", "N",
+     "threads (default: the processors of this process, at most\n"
+     "SLURM_CPUS_PER_TASK and OMP_NUM_THREADS; here @threads@)"},
+    {OPTION_TMP, GROUP_SHARED, 0, "tmp", "DIR",
+     "temporary files (default: $TMPDIR, else beside the output)"},
+    {OPTION_JSON, GROUP_SHARED, 0, "json", "FILE",
+     "write a report for programs; - is standard output"},
+    {OPTION_QUIET, GROUP_SHARED, 'q', "quiet", NULL, "errors and warnings only"},
+    {OPTION_VERBOSE, GROUP_SHARED, 'v', "verbose", NULL,
+     "say what was chosen and what each stage took"},
+    {OPTION_HELP, GROUP_SHARED, 'h', "help", NULL, "this help"},
+    {OPTION_VERSION, GROUP_SHARED, 0, "version", NULL, "the version"},
+};
+
+const size_t option_row_count = sizeof option_rows / sizeof option_rows[0];
+
+/* The text for an @name@. */
+static void write_default(FILE *file, const char *name, size_t length)
+{
+    spbm_target target;
+    spbm_render_options render;
+    struct limits limits;
+    limits_find(&limits);
+    spbm_target_defaults(&target);
+    spbm_render_defaults(&render);
+    if (strncmp(name, "mode", length) == 0)
+        fputs(target.mode == SPBM_CLASSIC ? "classic" : "collapse", file);
+    else if (strncmp(name, "size", length) == 0)
+        fprintf(file, "%ux%u", render.width, render.height);
+    else if (strncmp(name, "background", length) == 0)
+        fprintf(file, "%06x", render.background);
+    else if (strncmp(name, "memory", length) == 0)
+        fputs(size_text(limits.memory).s, file);
+    else if (strncmp(name, "threads", length) == 0)
+        fprintf(file, "%u", limits.threads);
+}
+
+static void write_row(FILE *file, const struct option_row *row)
+{
+    enum { COLUMN = 29 };
+    char words[64], letter[8] = "    ";
+    if (row->letter)
+        snprintf(letter, sizeof letter, "-%c, ", row->letter);
+    int width = snprintf(words, sizeof words, "  %s--%s%s%s", letter, row->name,
+                         row->argument ? " " : "", row->argument ? row->argument : "");
+    fputs(words, file);
+    if (width >= COLUMN) {
+        fputc('\n', file);
+        width = 0;
+    }
+    fprintf(file, "%*s", COLUMN - width, "");
+    for (const char *at = row->help; *at; at++) {
+        const char *end = *at == '@' ? strchr(at + 1, '@') : NULL;
+        if (end) {
+            write_default(file, at + 1, (size_t)(end - at - 1));
+            at = end;
+        } else if (*at == '\n') {
+            fprintf(file, "\n%*s", COLUMN, "");
+        } else {
+            fputc(*at, file);
+        }
+    }
+    fputc('\n', file);
+}
+
+void options_help(const struct command *command, FILE *file)
+{
+    static const struct {
+        unsigned groups;
+        const char *title;
+    } sections[] = {
+        {GROUP_OUTPUT | GROUP_FORMAT | GROUP_KEEP, "Output"},
+        {GROUP_WELD, "Input"},
+        {GROUP_TARGET, "Target (one of the first three is needed)"},
+        {GROUP_PATCH, "Patches"},
+        {GROUP_PLACE, "Vertices"},
+        {GROUP_MEASURE, "Measuring"},
+        {GROUP_RENDER, "Picture"},
+        {GROUP_SHARED, "Any command"},
+    };
+    fprintf(file, "spbm %s: %s\n\nusage: spbm %s %s\n\n%s", command->name, command->summary,
+            command->name, command->arguments, command->details);
+    for (size_t s = 0; s < sizeof sections / sizeof sections[0]; s++) {
+        if (!(sections[s].groups & command->groups))
+            continue;
+        fprintf(file, "\n%s:\n", sections[s].title);
+        for (size_t i = 0; i < option_row_count; i++) {
+            if (option_rows[i].group & sections[s].groups & command->groups)
+                write_row(file, &option_rows[i]);
+        }
+    }
+}

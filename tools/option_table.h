@@ -1,0 +1,55 @@
+/*
+ * The table of all options: what the parser reads and what help prints.
+ */
+#ifndef SPBM_TOOLS_OPTION_TABLE_H
+#define SPBM_TOOLS_OPTION_TABLE_H
+
+#include <stddef.h>
+
+enum option_id {
+    OPTION_OUTPUT,
+    OPTION_WELD,
+    OPTION_FACES,
+    OPTION_RATIO,
+    OPTION_ERROR,
+    OPTION_MODE,
+    OPTION_EFFORT,
+    OPTION_PATCH_ANGLE,
+    OPTION_FACE_ANGLE,
+    OPTION_SMOOTH,
+    OPTION_CHAIN_TOLERANCE,
+    OPTION_PLACE,
+    OPTION_FORMAT,
+    OPTION_KEEP,
+    OPTION_SAMPLES,
+    OPTION_SELF_INTERSECTIONS,
+    OPTION_SIZE,
+    OPTION_VIEW,
+    OPTION_UP,
+    OPTION_WIREFRAME,
+    OPTION_FLAT,
+    OPTION_NO_CAPTIONS,
+    OPTION_BACKGROUND,
+    OPTION_MEMORY,
+    OPTION_THREADS,
+    OPTION_TMP,
+    OPTION_JSON,
+    OPTION_QUIET,
+    OPTION_VERBOSE,
+    OPTION_HELP,
+    OPTION_VERSION
+};
+
+struct option_row {
+    enum option_id id;
+    unsigned group;
+    char letter;          /* 0: none */
+    const char *name;     /* without the dashes */
+    const char *argument; /* NULL: takes none */
+    const char *help;     /* lines; the default at the end */
+};
+
+extern const struct option_row option_rows[];
+extern const size_t option_row_count;
+
+#endif
