@@ -31,7 +31,7 @@ MESHES = {
     "cranium": ("ct_cranium_open.ply.gz", [40000, 34200]),
     "brain": ("mri_brain_3m.ply.gz", [306000, 61000, 30600]),
     "fandisk": ("fandisk.off.gz", [1294, 260, 130]),
-    "noisy": ("gen:--faces 1087716", [108770, 12700, 3500]),
+    "noisy": ("gen:--faces 1087716 --noise 0.04", [108770, 12700, 3500]),
     "clean": ("gen:--faces 1087716 --noise 0", [108770, 12700, 3500]),
 }
 

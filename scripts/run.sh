@@ -32,10 +32,12 @@ demo=$build/demo
 mkdir -p "$demo"
 "$spbm" simplify "$scan" -o "$demo/bunny-%d.ply" --faces 20000,5000,1000
 "$spbm" render "$scan" "$demo/bunny-0.ply" "$demo/bunny-1.ply" "$demo/bunny-2.ply" \
-    -o "$demo/bunny.png"
+    --size 400x400 -o "$demo/bunny.png"
 echo "
-The scan ($scan) and its three levels:
+The scan, $scan, and its three levels:
   $demo/bunny-0.ply  20,000 faces
   $demo/bunny-1.ply   5,000 faces
   $demo/bunny-2.ply   1,000 faces
-side by side: $demo/bunny.png"
+Side by side: $demo/bunny.png
+
+Your own: scripts/run.sh simplify scan.ply -o small.ply --faces 10k"

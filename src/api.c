@@ -84,7 +84,7 @@ const char *spbm_stop_text(spbm_stop stop)
     case SPBM_STOP_TOPOLOGY:
         return "topology exhausted";
     case SPBM_STOP_TOO_FINE:
-        return "more faces asked for than there are";
+        return "too fine for the chain file";
     case SPBM_STOP_ERROR:
         return "error bound reached";
     }
@@ -185,6 +185,26 @@ spbm_status call_end(spbm_job *job, enum status status)
 
 /* ---- the stages ---- */
 
+/* A stage that is given another stage's file says which one that is, and what makes the right one.
+ */
+static enum status check_kind(struct context *ctx, const char *path, spbm_file_kind wanted)
+{
+    static const char *const names[] = {"a mesh file", "a mesh store", "a chain file"};
+    static const char *const ways[] = {"", "import makes one of a mesh",
+                                       "patchify makes one of a mesh store"};
+    spbm_file_kind found = wanted;
+    uint64_t size = 0;
+    if (is_standard_stream(path))
+        return STATUS_OK;
+    enum status status = recognise_file(ctx, path, &found, &size);
+    if (status != STATUS_OK || found == wanted || size == 0)
+        return status;
+    if (found == SPBM_FILE_MESH) /* or anything else */
+        return fail(ctx, STATUS_BAD_INPUT, "%s: is not %s; %s", path, names[wanted], ways[wanted]);
+    return fail(ctx, STATUS_BAD_INPUT, "%s: is %s, not %s; %s", path, names[found], names[wanted],
+                ways[wanted]);
+}
+
 spbm_status spbm_import(spbm_job *job, const char *const *inputs, size_t input_count,
                         const char *store, const spbm_import_options *options,
                         spbm_store_figures *figures)
@@ -226,6 +246,8 @@ spbm_status spbm_patchify(spbm_job *job, const char *store, const char *chains,
         status = check_writable(ctx, chains);
     if (status == STATUS_OK)
         status = check_inputs(ctx, &store, 1, chains);
+    if (status == STATUS_OK)
+        status = check_kind(ctx, store, SPBM_FILE_STORE);
     if (status == STATUS_OK) {
         struct target wanted = make_target(target);
         struct patch_request request = make_request(options, KEPT_LEVEL, options->sync != 0);
@@ -275,6 +297,8 @@ spbm_status spbm_lod(spbm_job *job, const char *chains, const char *output,
     struct lod_report report = {0};
     enum status status = check_levels(ctx, &chains, 1, output, target, options);
     if (status == STATUS_OK)
+        status = check_kind(ctx, chains, SPBM_FILE_CHAINS);
+    if (status == STATUS_OK)
         status = read_chain_info(ctx, chains, &info);
     if (status == STATUS_OK)
         status = make_levels(ctx, chains, output, target, options, &report);
@@ -292,6 +316,8 @@ spbm_status spbm_export(spbm_job *job, const char *store, const char *output, sp
         status = check_format(ctx, output, format);
     if (status == STATUS_OK)
         status = check_inputs(ctx, &store, 1, output);
+    if (status == STATUS_OK)
+        status = check_kind(ctx, store, SPBM_FILE_STORE);
     if (status == STATUS_OK)
         status = store_open(ctx, store, true, &opened);
     if (status == STATUS_OK) {
@@ -318,8 +344,11 @@ struct workspace {
 static enum status workspace_keep(struct workspace *work, const char *keep_dir)
 {
     struct context *ctx = work->ctx;
+    struct stat info;
     if (mkdir(keep_dir, 0777) != 0 && errno != EEXIST)
         return fail_errno(ctx, errno, "%s: cannot create the directory", keep_dir);
+    if (stat(keep_dir, &info) == 0 && !S_ISDIR(info.st_mode))
+        return fail(ctx, STATUS_IO, "%s: is not a directory", keep_dir);
     int store = snprintf(work->store, sizeof work->store, "%s/mesh.store", keep_dir);
     int chains = snprintf(work->chains, sizeof work->chains, "%s/mesh.chains", keep_dir);
     if (store >= (int)sizeof work->store || chains >= (int)sizeof work->chains)

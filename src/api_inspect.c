@@ -1,26 +1,25 @@
 /*
- * The public interface to looking at files: info, check, measure, render. Which of our formats a
- * file has is told by its first bytes; whatever is neither is taken for a mesh file, whose reader
- * says what is wrong with it.
+ * The public interface to looking at files: info, check, measure. Which of our formats a file has
+ * is told by its first bytes; whatever is neither is taken for a mesh file, whose reader says what
+ * is wrong with it.
  */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "api_internal.h"
-#include "base/memory.h"
+#include "base/file.h"
 #include "inspect/measure.h"
-#include "inspect/render.h"
 #include "mesh/import.h"
 #include "mesh/store_layout.h"
 #include "simplify/chain_frame.h"
-#include "simplify/patchify.h"
 
-static enum status recognise(struct context *ctx, const char *path, spbm_file_kind *kind,
-                             uint64_t *size)
+enum status recognise_file(struct context *ctx, const char *path, spbm_file_kind *kind,
+                           uint64_t *size)
 {
     *kind = SPBM_FILE_MESH;
     *size = 0;
@@ -90,7 +89,7 @@ spbm_status spbm_info(spbm_job *job, const char *path, spbm_file_figures *figure
 {
     struct context *ctx = call_begin(job);
     memset(figures, 0, sizeof *figures);
-    enum status status = recognise(ctx, path, &figures->kind, &figures->file_size);
+    enum status status = recognise_file(ctx, path, &figures->kind, &figures->file_size);
     if (status != STATUS_OK)
         return call_end(job, status);
     switch (figures->kind) {
@@ -142,7 +141,7 @@ spbm_status spbm_check(spbm_job *job, const char *path, spbm_file_kind *kind)
     spbm_file_kind found = SPBM_FILE_MESH;
     spbm_quality quality;
     uint64_t size;
-    enum status status = recognise(ctx, path, &found, &size);
+    enum status status = recognise_file(ctx, path, &found, &size);
     if (kind)
         *kind = found;
     if (status != STATUS_OK)
@@ -176,6 +175,21 @@ static spbm_deviation copy_deviation(const struct deviation *from)
         .largest = from->largest, .mean = from->mean, .rms = from->rms, .samples = from->samples};
 }
 
+/* Only a PLY can say how far off a vertex is. */
+static enum status check_error_ply(struct context *ctx, const char *original,
+                                   const char *simplified, const char *path)
+{
+    const size_t length = strlen(path);
+    if (length < 4 || strcasecmp(path + length - 4, ".ply") != 0)
+        return fail(ctx, STATUS_MISUSE,
+                    "%s: the mesh with its errors is written as PLY: a name "
+                    "that ends in .ply is needed",
+                    path);
+    enum status status = check_writable(ctx, path);
+    const char *inputs[2] = {original, simplified};
+    return status == STATUS_OK ? check_inputs(ctx, inputs, 2, path) : status;
+}
+
 spbm_status spbm_measure(spbm_job *job, const char *original, const char *simplified,
                          const spbm_measure_options *options, spbm_measurement *measurement)
 {
@@ -183,6 +197,7 @@ spbm_status spbm_measure(spbm_job *job, const char *original, const char *simpli
     struct measure_options wanted = {0};
     struct measurement result = {0};
     struct mesh mesh = {0};
+    const char *error_ply = options ? options->error_ply : NULL;
     if (options) {
         wanted.samples_per_face = options->samples_per_face;
         wanted.self_intersections = options->self_intersections != 0;
@@ -190,8 +205,15 @@ spbm_status spbm_measure(spbm_job *job, const char *original, const char *simpli
     enum status status = STATUS_OK;
     if (is_standard_stream(original) && is_standard_stream(simplified))
         status = fail(ctx, STATUS_MISUSE, "standard input can be read once only");
+    if (status == STATUS_OK && error_ply)
+        status = check_error_ply(ctx, original, simplified, error_ply);
     if (status == STATUS_OK)
         status = measure(ctx, original, simplified, &wanted, &result, &mesh);
+    if (status == STATUS_OK && error_ply) {
+        struct export_options export = {
+            .format = EXPORT_PLY, .as_float32 = mesh.is_float32, .sync = true};
+        status = measure_save(ctx, error_ply, &export, &result, &mesh);
+    }
     if (status == STATUS_OK) {
         *measurement = (spbm_measurement){
             .forward = copy_deviation(&result.forward),
@@ -205,170 +227,9 @@ spbm_status spbm_measure(spbm_job *job, const char *original, const char *simpli
             .self_intersecting_faces = result.self_intersecting_faces,
         };
         copy_quality(&measurement->original, &result.original, 0);
-        copy_quality(&measurement->simplified, &result.simplified, mesh.attributes.count);
+        copy_quality(&measurement->simplified, &result.simplified, 0);
     }
     measurement_clear(ctx, &result);
     mesh_clear(ctx, &mesh);
-    return call_end(job, status);
-}
-
-/* ---- render ---- */
-
-/* A mesh of the picture, with what it takes to draw it. */
-struct shown {
-    struct mesh mesh;
-    uint32_t *colours; /* one a face, or NULL */
-    char caption[256];
-    struct store *store; /* opened, while its chain file may follow */
-};
-
-void spbm_render_defaults(spbm_render_options *options)
-{
-    struct render_options inner;
-    render_defaults(&inner);
-    *options = (spbm_render_options){
-        .width = inner.width,
-        .height = inner.height,
-        .view = {inner.view[0], inner.view[1], inner.view[2]},
-        .up = {inner.up[0], inner.up[1], inner.up[2]},
-        .wireframe = inner.wireframe,
-        .flat = inner.flat,
-        .captions = 1,
-        .background = inner.background,
-    };
-}
-
-/* Gives every face the colour of its patch: the patches of a chain file can be grown again from its
- * store and options. */
-static enum status colour_patches(struct context *ctx, struct shown *shown, const char *path)
-{
-    struct chain_file *file;
-    enum status status = chain_file_open(ctx, path, &file);
-    if (status != STATUS_OK)
-        return status;
-    const struct chain_info *info = chain_file_info(file);
-    uint64_t faces = shown->mesh.face_count;
-    uint32_t first_patch = 0;
-    if (info->topology.faces != faces || info->topology.vertices != shown->mesh.vertex_count ||
-        info->slab_count != store_info(shown->store)->slab_count)
-        status =
-            fail(ctx, STATUS_BAD_INPUT, "%s: is not a chain file of the store before it", path);
-    else
-        status = memory_take(ctx, (size_t)faces, sizeof *shown->colours, &shown->colours);
-    for (uint32_t i = 0; i < info->slab_count && status == STATUS_OK; i++) {
-        struct slab slab = {0};
-        uint32_t patches = 0;
-        status = slab_open(shown->store, i, &slab);
-        if (status == STATUS_OK) {
-            uint32_t *labels = shown->colours + slab.face_first;
-            status = patch_labels(ctx, &slab, &info->options, labels, &patches);
-            for (uint32_t f = 0; f < slab.face_count && status == STATUS_OK; f++)
-                labels[f] = colour_distinct(first_patch + labels[f]);
-        }
-        slab_close(&slab);
-        first_patch += patches;
-    }
-    chain_file_close(&file);
-    return status;
-}
-
-static enum status show_mesh(struct context *ctx, struct shown *shown, const char *path,
-                             spbm_file_kind kind)
-{
-    enum status status;
-    if (kind == SPBM_FILE_STORE) {
-        status = store_open(ctx, path, true, &shown->store);
-        if (status == STATUS_OK)
-            status = store_load(shown->store, &shown->mesh);
-    } else {
-        status = mesh_load(ctx, path, &shown->mesh);
-    }
-    /* "name: 1,087,716 faces" */
-    const char *slash = strrchr(path, '/');
-    unsigned long long faces = shown->mesh.face_count, parts[7];
-    unsigned part_count = 0;
-    do
-        parts[part_count++] = faces % 1000;
-    while (faces /= 1000);
-    int used = snprintf(shown->caption, sizeof shown->caption, "%.200s: %llu",
-                        slash ? slash + 1 : path, parts[part_count - 1]);
-    for (unsigned i = part_count - 1; i-- > 0 && used > 0;)
-        used += snprintf(shown->caption + used, sizeof shown->caption - (size_t)used, ",%03llu",
-                         parts[i]);
-    if (used > 0)
-        snprintf(shown->caption + used, sizeof shown->caption - (size_t)used, " faces");
-    return status;
-}
-
-static enum status show_all(struct context *ctx, const char *const *paths, size_t path_count,
-                            struct shown *shown, size_t *count)
-{
-    for (size_t i = 0; i < path_count; i++) {
-        spbm_file_kind kind;
-        uint64_t size;
-        enum status status = recognise(ctx, paths[i], &kind, &size);
-        if (status != STATUS_OK)
-            return status;
-        if (kind == SPBM_FILE_CHAINS) {
-            struct shown *last = *count > 0 ? &shown[*count - 1] : NULL;
-            if (!last || !last->store || last->colours)
-                return fail(ctx, STATUS_MISUSE,
-                            "%s: a chain file is shown by the mesh store before it", paths[i]);
-            status = colour_patches(ctx, last, paths[i]);
-        } else if (*count == SPBM_RENDER_MAX) {
-            return fail(ctx, STATUS_MISUSE, "at most %d meshes fit into one picture",
-                        (int)SPBM_RENDER_MAX);
-        } else {
-            status = show_mesh(ctx, &shown[(*count)++], paths[i], kind);
-        }
-        if (status != STATUS_OK)
-            return status;
-    }
-    return STATUS_OK;
-}
-
-spbm_status spbm_render(spbm_job *job, const char *const *paths, size_t path_count,
-                        const char *picture, const spbm_render_options *options)
-{
-    struct context *ctx = call_begin(job);
-    struct shown *shown = NULL;
-    struct render_item items[SPBM_RENDER_MAX];
-    size_t count = 0;
-    spbm_render_options defaults;
-    if (!options) {
-        spbm_render_defaults(&defaults);
-        options = &defaults;
-    }
-    enum status status = check_writable(ctx, picture);
-    if (status == STATUS_OK)
-        status = check_inputs(ctx, paths, path_count, picture);
-    if (status == STATUS_OK)
-        status = memory_take_zeroed(ctx, SPBM_RENDER_MAX, sizeof *shown, &shown);
-    if (status == STATUS_OK)
-        status = show_all(ctx, paths, path_count, shown, &count);
-    if (status == STATUS_OK) {
-        struct render_options inner;
-        render_defaults(&inner);
-        inner.width = options->width;
-        inner.height = options->height;
-        memcpy(inner.view, options->view, sizeof inner.view);
-        memcpy(inner.up, options->up, sizeof inner.up);
-        inner.wireframe = options->wireframe != 0;
-        inner.flat = options->flat != 0;
-        inner.background = options->background;
-        for (size_t i = 0; i < count; i++)
-            items[i] = (struct render_item){.mesh = &shown[i].mesh,
-                                            .face_colours = shown[i].colours,
-                                            .caption = options->captions ? shown[i].caption : NULL};
-        status = render_png(ctx, picture, items, count, &inner);
-    }
-    for (size_t i = 0; i < count; i++) {
-        memory_release(ctx, &shown[i].colours, (size_t)shown[i].mesh.face_count,
-                       sizeof *shown[i].colours);
-        if (shown[i].store)
-            store_close(&shown[i].store);
-        mesh_clear(ctx, &shown[i].mesh);
-    }
-    memory_release(ctx, &shown, SPBM_RENDER_MAX, sizeof *shown);
     return call_end(job, status);
 }

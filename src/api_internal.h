@@ -41,6 +41,10 @@ enum status check_patch_options(struct context *ctx, const spbm_patch_options *o
 struct target make_target(const spbm_target *from);
 struct patch_request make_request(const spbm_patch_options *from, int level, bool sync);
 
+/* Which of our formats a file has, by its first bytes, and its size (0: not a regular file). */
+enum status recognise_file(struct context *ctx, const char *path, spbm_file_kind *kind,
+                           uint64_t *size) MUST_CHECK;
+
 /* ---- reports ---- */
 
 void copy_store(spbm_store_figures *to, const struct store_info *from);

@@ -104,13 +104,14 @@ enum status check_format(struct context *ctx, const char *output, spbm_format fo
     if (format != SPBM_FORMAT_BY_NAME)
         return STATUS_OK;
     if (is_standard_stream(output))
-        return fail(ctx, STATUS_MISUSE, "standard output needs a format");
+        return fail(ctx, STATUS_MISUSE, "standard output has no ending: a format must be given");
     size_t length = strlen(output);
     for (size_t i = 0; i < sizeof endings / sizeof endings[0]; i++) {
         if (length >= 4 && strcasecmp(output + length - 4, endings[i]) == 0)
             return STATUS_OK;
     }
-    return fail(ctx, STATUS_MISUSE, "%s: the ending names no format that can be written", output);
+    return fail(ctx, STATUS_MISUSE,
+                "%s: the ending must be .ply, .obj, .stl or .off, or a format be given", output);
 }
 
 enum status check_inputs(struct context *ctx, const char *const *inputs, size_t input_count,
@@ -174,6 +175,10 @@ enum status check_levels(struct context *ctx, const char *const *inputs, size_t 
         return status;
     if (options->place < SPBM_PLACE_DEFAULT || options->place > SPBM_PLACE_OPTIMAL)
         return fail(ctx, STATUS_MISUSE, "there is no such placement");
+    if (options->place == SPBM_PLACE_OPTIMAL && target->mode == SPBM_CLASSIC)
+        return fail(ctx, STATUS_MISUSE,
+                    "mode classic keeps vertices where they are: placement optimal needs mode "
+                    "collapse");
     char name[PATH_MAX];
     if (!expand_name(output, 0, target->count, name, sizeof name))
         return fail(ctx, STATUS_MISUSE, "%s: the output's name %s%%d, and %%%% for a percent sign",
@@ -213,7 +218,7 @@ void spbm_import_defaults(spbm_import_options *options)
 
 void spbm_target_defaults(spbm_target *target)
 {
-    *target = (spbm_target){.kind = SPBM_BY_FACES, .mode = SPBM_CLASSIC, .effort = 2};
+    *target = (spbm_target){.kind = SPBM_BY_FACES, .mode = SPBM_COLLAPSE, .effort = 2};
 }
 
 void spbm_patch_defaults(spbm_patch_options *options)

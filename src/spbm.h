@@ -263,8 +263,8 @@ typedef struct spbm_chain_figures {
 typedef enum spbm_stop {
     SPBM_STOP_REACHED = 0,  /* N or N - 1 faces, or the error asked for */
     SPBM_STOP_TOPOLOGY = 1, /* nothing more can go without changing the topology */
-    SPBM_STOP_TOO_FINE = 2, /* more faces were asked for than there are */
-    SPBM_STOP_ERROR = 3     /* the error bound came before the count */
+    SPBM_STOP_TOO_FINE = 2, /* the chain file has no such faces, or no such small error, to give */
+    SPBM_STOP_ERROR = 3     /* the error bound came before the count; no miss */
 } spbm_stop;
 
 /* A few words for it, for instance "target reached"; never NULL. Static. */
@@ -321,7 +321,8 @@ typedef struct spbm_target {
     int error_is_relative; /* values of SPBM_BY_ERROR are fractions of the diagonal */
     spbm_mode mode;
     uint32_t effort;    /* 1 fastest, 2, 3 most accurate */
-    double error_bound; /* with a count or ratio: stop before this error is passed; 0: none */
+    double error_bound; /* with a count or ratio: stop before this error is passed, what is reached
+                           first stops; 0: none */
     int bound_is_relative;
     uint64_t reserved[8];
 } spbm_target;
@@ -421,12 +422,13 @@ typedef struct spbm_simplify_report {
  *     options.target.values[0] = 10000;
  *     options.target.values[1] = 1000;
  *     status = spbm_simplify(job, &input, 1, "small-%d.ply", &options, &report);
- *     if (status == SPBM_OK || status == SPBM_TARGET_MISSED)
- *         for (uint32_t i = 0; i < report.levels.count; i++)
- *             printf("level %u: %llu faces, error %g, %s\n", (unsigned)i,
- *                    (unsigned long long)report.levels.levels[i].faces,
- * report.levels.levels[i].error, spbm_stop_text(report.levels.levels[i].stop)); else
+ *     if (status != SPBM_OK)
  *         fprintf(stderr, "%s\n", spbm_job_error(job));
+ *     for (uint32_t i = 0; i < report.levels.count; i++) {
+ *         const spbm_level *level = &report.levels.levels[i];
+ *         printf("level %u: %llu faces, error %g, %s\n", (unsigned)i,
+ *                (unsigned long long)level->faces, level->error, spbm_stop_text(level->stop));
+ *     }
  *     spbm_job_close(&job);
  *     return status;
  * @endcode
@@ -463,8 +465,8 @@ typedef struct spbm_quality {
     double box_low[3], box_high[3];
     double diagonal;
     double area;
-    double volume; /* signed; meaningful when closed */
-    uint32_t attribute_count;
+    double volume;            /* signed; meaningful when closed */
+    uint32_t attribute_count; /* filled by spbm_info */
     uint64_t reserved[8];
 } spbm_quality;
 
@@ -509,6 +511,9 @@ typedef struct spbm_measurement {
 typedef struct spbm_measure_options {
     uint32_t samples_per_face; /* at least this many; 0: ten */
     int self_intersections;    /* look for them */
+    const char *error_ply;     /* writes the simplified mesh to this PLY, each vertex with its
+                                  distance to the original as property `quality` and as a colour
+                                  (viridis, dark is near); NULL: does not */
     uint64_t reserved[8];
 } spbm_measure_options;
 
@@ -525,9 +530,11 @@ typedef struct spbm_render_options {
     double view[3];         /* direction from the model to the eye; all 0: a good one */
     double up[3];           /* all 0: a good one */
     int wireframe;          /* draw the edges too */
-    int flat;               /* shade faces flat */
+    int flat;               /* shade faces flat, so that they can be told apart; default 1 */
     int captions;           /* write names and face counts below; default 1 */
     uint32_t background;    /* 0xRRGGBB */
+    const char *legend;     /* words under the colour map's legend; NULL: the name of what it shows;
+                               there is one only with a mesh of property `quality` */
     uint64_t reserved[8];
 } spbm_render_options;
 
@@ -535,9 +542,13 @@ SPBM_API void spbm_render_defaults(spbm_render_options *options);
 
 enum { SPBM_RENDER_MAX = 16 };
 
-/* Draws up to SPBM_RENDER_MAX mesh files and stores side by side, all at one scale, into a PNG. A
- * chain file in the list colours the patches of the store before it. The meshes are held in
- * memory. */
+/*
+ * Draws up to SPBM_RENDER_MAX mesh files and stores side by side, all at one scale, into a PNG.
+ * Meshes whose vertices have a property `quality`, such as spbm_measure writes, are coloured by it
+ * (viridis), all over one range, with a legend; others by their own colours if they have any. A
+ * chain file in the list colours the patches of the store before it, which must be the one that it
+ * was made from. The meshes are held in memory.
+ */
 SPBM_API spbm_status spbm_render(spbm_job *job, const char *const *paths, size_t path_count,
                                  const char *picture, const spbm_render_options *options);
 

@@ -107,8 +107,8 @@ static void cut_slab(struct slab_set *set, uint32_t index, uint32_t slab_faces, 
         if (i && foreign[i] == foreign[i - 1])
             continue;
         foreign[slab->foreign_count] = foreign[i];
-        memcpy(positions + 3 * (size_t)slab->foreign_count,
-               set->positions + 3 * (size_t)foreign[i], 3 * sizeof(float));
+        memcpy(positions + 3 * (size_t)slab->foreign_count, set->positions + 3 * (size_t)foreign[i],
+               3 * sizeof(float));
         slab->foreign_count++;
     }
     slab->foreign = foreign;

@@ -1,6 +1,6 @@
 /*
- * Slabs in memory, made from a mesh without the store: what patch growth and chain tracing are given,
- * with slabs of any size, so that small meshes have many seams.
+ * Slabs in memory, made from a mesh without the store: what patch growth and chain tracing are
+ * given, with slabs of any size, so that small meshes have many seams.
  */
 #ifndef SPBM_TEST_SLABS_H
 #define SPBM_TEST_SLABS_H

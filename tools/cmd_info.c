@@ -23,6 +23,7 @@ static void write_words(const char *path, const spbm_file_figures *figures)
     switch (figures->kind) {
     case SPBM_FILE_MESH:
         write_quality(stdout, &figures->mesh);
+        printf("%-22s %s\n", "attributes", count_text(figures->mesh.attribute_count).s);
         break;
     case SPBM_FILE_STORE:
         write_store(stdout, &figures->store);
@@ -46,12 +47,15 @@ spbm_status cmd_info(struct run *run)
     if (status == SPBM_OK) {
         set_text(root, "kind", kinds[figures->kind]);
         set_count(root, "file_size", figures->file_size);
-        if (figures->kind == SPBM_FILE_MESH)
-            set_json(root, "mesh", json_of_quality(&figures->mesh));
-        else if (figures->kind == SPBM_FILE_STORE)
+        if (figures->kind == SPBM_FILE_MESH) {
+            json_t *mesh = json_of_quality(&figures->mesh);
+            set_count(mesh, "attribute_count", figures->mesh.attribute_count);
+            set_json(root, "mesh", mesh);
+        } else if (figures->kind == SPBM_FILE_STORE) {
             set_json(root, "store", json_of_store(&figures->store));
-        else
+        } else {
             set_json(root, "chains", json_of_chains(&figures->chains));
+        }
         if (words_to_stdout(run))
             write_words(path, figures);
     }

@@ -6,7 +6,7 @@
 
 static void write_length(const char *key, double length, double diagonal)
 {
-    printf("%-34s %-12s %s of the diagonal\n", key, length_text(length).s,
+    printf("%-42s %-12s %s of the diagonal\n", key, length_text(length).s,
            percent_text(diagonal > 0 ? length / diagonal : 0).s);
 }
 
@@ -26,13 +26,13 @@ static void write_words(const struct options *options, const spbm_measurement *r
     write_deviation("original to simplified", &result->forward, result->diagonal);
     write_deviation("simplified to original", &result->backward, result->diagonal);
     write_length("Hausdorff distance", result->hausdorff, result->diagonal);
-    printf("%-34s %.3g mean, %.3g largest (degrees)\n", "normals differ", result->normal_mean,
+    printf("%-42s %.3g mean, %.3g largest (degrees)\n", "normals differ", result->normal_mean,
            result->normal_largest);
-    printf("%-34s %s\n", "flipped faces", count_text(result->flipped_faces).s);
+    printf("%-42s %s\n", "flipped faces", count_text(result->flipped_faces).s);
     if (options->measure.self_intersections)
-        printf("%-34s %s\n", "self-intersecting faces",
+        printf("%-42s %s\n", "self-intersecting faces",
                count_text(result->self_intersecting_faces).s);
-    printf("%-34s %s + %s (%.1f a face)\n", "samples", count_text(result->forward.samples).s,
+    printf("%-42s %s + %s (%.1f a face)\n", "samples", count_text(result->forward.samples).s,
            count_text(result->backward.samples).s, result->samples_per_face);
     printf("\noriginal: %s\n", options->inputs[0]);
     write_quality(stdout, &result->original);
@@ -72,6 +72,9 @@ spbm_status cmd_measure(struct run *run)
     set_json(run->report.root, "measurement", json_of_measurement(options, &result));
     if (words_to_stdout(run))
         write_words(options, &result);
+    if (options->measure.error_ply && run->report.words)
+        fprintf(run->report.words, "%s: each vertex with its distance to the original\n",
+                options->measure.error_ply);
     report_counts(&run->report, "%s against %s",
                   counted_text(result.original.topology.faces, "face", "faces").s,
                   counted_text(result.simplified.topology.faces, "face", "faces").s);

@@ -186,7 +186,6 @@ json_t *json_of_quality(const spbm_quality *quality)
     set_real(object, "diagonal", quality->diagonal);
     set_real(object, "area", quality->area);
     set_real(object, "volume", quality->volume);
-    set_count(object, "attribute_count", quality->attribute_count);
     return object;
 }
 
@@ -311,9 +310,12 @@ void write_chains(FILE *file, const spbm_chain_figures *chains)
     fprintf(file, "%-22s %g,%g degrees\n", "face angle", chains->face_angle[0],
             chains->face_angle[1]);
     write_count(file, "normals smoothed", chains->smoothings);
-    fprintf(file, "%-22s %s (%s of the diagonal)\n", "chain tolerance",
-            length_text(chains->tolerance).s,
-            percent_text(chains->diagonal > 0 ? chains->tolerance / chains->diagonal : 0).s);
+    if (chains->tolerance > 0)
+        fprintf(file, "%-22s %s (%s of the diagonal)\n", "chain tolerance",
+                length_text(chains->tolerance).s,
+                percent_text(chains->diagonal > 0 ? chains->tolerance / chains->diagonal : 0).s);
+    else
+        fprintf(file, "%-22s 0 (all chain vertices are kept)\n", "chain tolerance");
     fprintf(file, "%-22s mode %s, effort %u, %s", "made for",
             chains->mode == SPBM_CLASSIC ? "classic" : "collapse", chains->effort,
             kinds[chains->target_kind <= SPBM_BY_ERROR ? chains->target_kind : 0]);
@@ -349,5 +351,4 @@ void write_quality(FILE *file, const spbm_quality *quality)
     write_length(file, "area", quality->area);
     if (quality->topology.border_edges == 0)
         write_length(file, "volume", quality->volume);
-    write_count(file, "attributes", quality->attribute_count);
 }

@@ -64,11 +64,17 @@ static const struct command commands[] = {
     {"measure", "Look at files", "ORIGINAL SIMPLIFIED [options]",
      "distances both ways, normals, topology",
      "Measures how far a simplified mesh is from its original (a mesh file or store), on standard\n"
-     "output.\n",
+     "output.\n"
+     "\n"
+     "  spbm measure scan.ply.gz small.ply\n"
+     "  spbm measure scan.ply.gz small.ply --error-ply error.ply\n"
+     "  spbm render error.ply -o error.png --legend 'distance to the original'\n",
      GROUP_SHARED | GROUP_MEASURE, 2, 2, cmd_measure},
     {"render", "Look at files", "MESH... -o PICTURE.png [options]", "a picture of meshes",
      "Draws mesh files and stores side by side at one scale. A chain file behind the store that\n"
-     "it was made from colours its patches.\n"
+     "it was made from colours its patches; meshes with a vertex property `quality`, such as "
+     "measure\n"
+     "--error-ply writes, are coloured by it, with a legend.\n"
      "\n"
      "  spbm render scan.ply small.ply -o both.png --wireframe\n"
      "  spbm render scan.store scan.chains -o patches.png\n",
@@ -109,6 +115,10 @@ static const struct command *find_command(const char *name)
 {
     const struct command *nearest = NULL;
     unsigned least = 0;
+    if (name[0] == '-') {
+        fprintf(stderr, "spbm: the command comes before %s: spbm COMMAND ... [options]\n", name);
+        return NULL;
+    }
     for (const struct command *command = commands; command->name; command++) {
         unsigned distance = word_distance(name, command->name);
         if (distance == 0)

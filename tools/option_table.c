@@ -53,15 +53,24 @@ const struct option_row option_rows[] = {
      "samples for each face of the simplified mesh (default: 10)"},
     {OPTION_SELF_INTERSECTIONS, GROUP_MEASURE, 0, "self-intersections", NULL,
      "count faces that cut through others (default: off)"},
+    {OPTION_ERROR_PLY, GROUP_MEASURE, 0, "error-ply", "OUT",
+     "write SIMPLIFIED to OUT (.ply) with each vertex's distance to\n"
+     "ORIGINAL as property `quality` and as a colour; spbm render\n"
+     "shows it with a legend (default: not written)"},
     {OPTION_SIZE, GROUP_RENDER, 0, "size", "WxH",
      "pixels of each picture of the row (default: @size@)"},
     {OPTION_VIEW, GROUP_RENDER, 0, "view", "X,Y,Z",
      "direction from the model to the eye (default: chosen)"},
     {OPTION_UP, GROUP_RENDER, 0, "up", "X,Y,Z", "direction that is up (default: chosen)"},
-    {OPTION_WIREFRAME, GROUP_RENDER, 'w', "wireframe", NULL, "draw the edges too"},
-    {OPTION_FLAT, GROUP_RENDER, 0, "flat", NULL,
-     "shade faces flat, so that they can be told apart"},
-    {OPTION_NO_CAPTIONS, GROUP_RENDER, 0, "no-captions", NULL, "no names and counts below"},
+    {OPTION_WIREFRAME, GROUP_RENDER, 'w', "wireframe", NULL, "draw the edges too (default: off)"},
+    {OPTION_SHADING, GROUP_RENDER, 0, "shading", "S",
+     "flat: faces can be told apart; smooth: they melt into each\n"
+     "other (default: @shading@)"},
+    {OPTION_LEGEND, GROUP_RENDER, 0, "legend", "TEXT",
+     "words under the legend of meshes that have a `quality`\n"
+     "(default: quality)"},
+    {OPTION_NO_CAPTIONS, GROUP_RENDER, 0, "no-captions", NULL,
+     "no names and counts below (default: with them)"},
     {OPTION_BACKGROUND, GROUP_RENDER, 0, "background", "RRGGBB",
      "colour behind the meshes (default: @background@)"},
     {OPTION_MEMORY, GROUP_SHARED, 'm', "memory", "SIZE",
@@ -96,6 +105,8 @@ static void write_default(FILE *file, const char *name, size_t length)
         fputs(target.mode == SPBM_CLASSIC ? "classic" : "collapse", file);
     else if (strncmp(name, "size", length) == 0)
         fprintf(file, "%ux%u", render.width, render.height);
+    else if (strncmp(name, "shading", length) == 0)
+        fputs(render.flat ? "flat" : "smooth", file);
     else if (strncmp(name, "background", length) == 0)
         fprintf(file, "%06x", render.background);
     else if (strncmp(name, "memory", length) == 0)

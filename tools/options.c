@@ -107,8 +107,6 @@ static void read_angles(struct parser *parser, const char *name, const char *val
             return;
         }
     }
-    if (count == 1)
-        angles[1] = angles[0];
 }
 
 static void read_direction(struct parser *parser, const char *name, const char *value,
@@ -181,6 +179,14 @@ static void take_place(struct parser *parser, const char *name, const char *valu
         parser->options->lod.place = word == 0 ? SPBM_PLACE_SUBSET : SPBM_PLACE_OPTIMAL;
 }
 
+static void take_shading(struct parser *parser, const char *name, const char *value)
+{
+    static const char *const words[] = {"flat", "smooth", NULL};
+    int word = read_word(parser, name, value, words);
+    if (word >= 0)
+        parser->options->render.flat = word == 0;
+}
+
 static void take_chain_tolerance(struct parser *parser, const char *name, const char *value)
 {
     bool is_relative = false;
@@ -201,6 +207,9 @@ static void take_job_option(struct parser *parser, const struct option_row *row,
     case OPTION_SELF_INTERSECTIONS:
         options->measure.self_intersections = 1;
         break;
+    case OPTION_ERROR_PLY:
+        options->measure.error_ply = value;
+        break;
     case OPTION_SIZE:
         read_picture_size(parser, row->name, value);
         break;
@@ -213,8 +222,11 @@ static void take_job_option(struct parser *parser, const struct option_row *row,
     case OPTION_WIREFRAME:
         options->render.wireframe = 1;
         break;
-    case OPTION_FLAT:
-        options->render.flat = 1;
+    case OPTION_SHADING:
+        take_shading(parser, row->name, value);
+        break;
+    case OPTION_LEGEND:
+        options->render.legend = value;
         break;
     case OPTION_NO_CAPTIONS:
         options->render.captions = 0;
@@ -427,7 +439,7 @@ static void settle_targets(struct parser *parser)
     if (!read_length(parser->error_text, &options->target.error_bound, &is_relative) ||
         !(options->target.error_bound > 0))
         bad_value(parser, "error", parser->error_text,
-                  "one error above 0 (a bound for all levels of --faces or --ratio)");
+                  "one error above 0, as 0.02 or 0.1% (with --faces or --ratio it is a bound)");
     options->target.bound_is_relative = is_relative;
 }
 
@@ -436,17 +448,20 @@ static void settle(struct parser *parser)
 {
     const struct command *command = parser->command;
     struct options *options = parser->options;
-    if (command->groups & GROUP_TARGET) {
-        settle_targets(parser);
-        if (options->target.count == 0)
-            misuse(parser, "a target is missing: --faces N, --ratio R or --error E");
-    }
     if (options->input_count < command->inputs_min)
         misuse(parser, "an input is missing: spbm %s %s", command->name, command->arguments);
     if (options->input_count > command->inputs_max)
         misuse(parser, "one input too many: %s", options->inputs[command->inputs_max]);
     if ((command->groups & GROUP_OUTPUT) && !options->output)
-        misuse(parser, "-o OUT is missing");
+        misuse(parser, "-o OUT is missing: where to write");
+    if (command->groups & GROUP_TARGET) {
+        settle_targets(parser);
+        if (options->target.count == 0)
+            misuse(parser, "a target is missing: --faces N, --ratio R or --error E");
+    }
+    if ((command->groups & GROUP_FORMAT) && options->output && strcmp(options->output, "-") == 0 &&
+        options->lod.format == SPBM_FORMAT_BY_NAME)
+        misuse(parser, "-o - needs --format: standard output has no ending that would tell");
     if (options->json && options->output && strcmp(options->json, "-") == 0 &&
         strcmp(options->output, "-") == 0)
         misuse(parser, "--json - and -o - cannot both go to standard output");

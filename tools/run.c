@@ -105,7 +105,9 @@ static bool check_json(const struct options *options)
 {
     if (!options->json)
         return true;
-    bool is_free = !options->output || !is_same_file(options->json, options->output);
+    const char *error_ply = options->measure.error_ply;
+    bool is_free = (!options->output || !is_same_file(options->json, options->output)) &&
+                   (!error_ply || !is_same_file(options->json, error_ply));
     for (size_t i = 0; i < options->input_count && is_free; i++)
         is_free = !is_same_file(options->json, options->inputs[i]);
     if (!is_free)

@@ -1,7 +1,7 @@
-// What every peer driver shares: the mesh of a binary little-endian PLY (float x y z, triangles as
-// `uchar int`, further vertex properties skipped), mapped and copied into flat arrays, and its
-// writing. The peers' own readers are slow or lose precision; with this one, whole-process times
-// compare the simplifications and not the parsers.
+// What every peer driver shares: the mesh of a binary little-endian PLY (float or double x y z
+// first, triangles as `uchar int`, further vertex properties skipped), mapped and copied into flat
+// arrays, and its writing. The peers' own readers are slow or lose precision; with this one,
+// whole-process times compare the simplifications and not the parsers.
 #pragma once
 
 #include <cstdint>
@@ -38,7 +38,7 @@ inline PlyMesh read_ply(const char *path)
     if (data == MAP_FAILED)
         die(std::string(path) + ": cannot be mapped");
     size_t vertices = 0, faces = 0, stride = 0;
-    bool in_vertices = false, binary = false;
+    bool in_vertices = false, binary = false, wide = false;
     const char *line = data, *end = data + size;
     for (;;) {
         auto *newline =
@@ -57,20 +57,31 @@ inline PlyMesh read_ply(const char *path)
             in_vertices = false;
         else if (in_vertices && text.rfind("property float", 0) == 0)
             stride += 4;
-        else if (in_vertices && text.rfind("property uchar", 0) == 0)
+        else if (in_vertices && text.rfind("property double", 0) == 0) {
+            wide = wide || stride == 0;
+            stride += 8;
+        } else if (in_vertices && text.rfind("property uchar", 0) == 0)
             stride += 1;
         else if (in_vertices && text.rfind("property", 0) == 0)
-            die(std::string(path) + ": only float and uchar vertex properties are read here");
+            die(std::string(path) +
+                ": only float, double and uchar vertex properties are read here");
     }
-    if (!binary || stride < 12)
-        die(std::string(path) + ": not a binary little-endian PLY with float positions");
+    if (!binary || stride < (wide ? 24u : 12u))
+        die(std::string(path) + ": not a binary little-endian PLY with positions");
     PlyMesh mesh;
     mesh.positions.resize(3 * vertices);
     mesh.faces.resize(3 * faces);
     if (static_cast<size_t>(end - line) < vertices * stride + faces * 13)
         die(std::string(path) + ": is cut short");
-    for (size_t i = 0; i < vertices; ++i, line += stride)
-        memcpy(&mesh.positions[3 * i], line, 12);
+    for (size_t i = 0; i < vertices; ++i, line += stride) {
+        double position[3];
+        if (wide)
+            memcpy(position, line, 24);
+        else
+            memcpy(&mesh.positions[3 * i], line, 12);
+        for (size_t axis = 0; wide && axis < 3; ++axis)
+            mesh.positions[3 * i + axis] = static_cast<float>(position[axis]);
+    }
     for (size_t i = 0; i < faces; ++i, line += 13) {
         if (*line != 3)
             die(std::string(path) + ": has a face that is not a triangle");

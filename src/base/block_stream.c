@@ -94,7 +94,7 @@ static enum status check_header(struct context *ctx, const char *what, const uns
         return fail(ctx, STATUS_BAD_INPUT, "%s: the block is cut off in its header", what);
     if (memcmp(block, block_magic, sizeof block_magic) != 0)
         return fail(ctx, STATUS_BAD_INPUT, "%s: no block begins here", what);
-    if (checksum(0, block, HEADER_CRC_AT) != load_u32(block + HEADER_CRC_AT))
+    if (!checksum_agrees(checksum(0, block, HEADER_CRC_AT), load_u32(block + HEADER_CRC_AT)))
         return fail(ctx, STATUS_BAD_INPUT, "%s: the block's header is damaged", what);
 
     uint64_t stored = load_u32(block + STORED_SIZE_AT);
@@ -138,7 +138,7 @@ enum status block_unpack(struct context *ctx, const char *what, const unsigned c
     size_t stored = load_u32(block + STORED_SIZE_AT);
     size_t size = load_u32(block + RAW_SIZE_AT);
     const unsigned char *from = block + BLOCK_HEADER_SIZE;
-    if (checksum(0, from, stored) != load_u32(block + STORED_CRC_AT))
+    if (!checksum_agrees(checksum(0, from, stored), load_u32(block + STORED_CRC_AT)))
         return fail(ctx, STATUS_BAD_INPUT, "%s: the block is damaged", what);
 
     unsigned char *made;
@@ -149,7 +149,8 @@ enum status block_unpack(struct context *ctx, const char *what, const unsigned c
         memcpy(made, from, size);
     else
         status = inflate_block(ctx, what, from, stored, made, size);
-    if (status == STATUS_OK && checksum(0, made, size) != load_u32(block + RAW_CRC_AT))
+    if (status == STATUS_OK &&
+        !checksum_agrees(checksum(0, made, size), load_u32(block + RAW_CRC_AT)))
         status = fail(ctx, STATUS_BAD_INPUT, "%s: the block is damaged", what);
     if (status != STATUS_OK) {
         memory_release(ctx, &made, size, 1);

@@ -241,8 +241,9 @@ static enum status read_marker(struct input_file *file, struct frame *frame)
     status = input_read(file, frame->table_offset, frame->table, (size_t)frame->count * ENTRY_SIZE);
     if (status != STATUS_OK)
         return status;
-    if (frame_crc(frame->header, frame->table, (unsigned)frame->count, frame->marker) !=
-        load_u32(frame->marker + CRC_AT))
+    if (!checksum_agrees(
+            frame_crc(frame->header, frame->table, (unsigned)frame->count, frame->marker),
+            load_u32(frame->marker + CRC_AT)))
         return fail(ctx, STATUS_BAD_INPUT, "%s: the header or the section table is damaged",
                     file->path);
     return STATUS_OK;
@@ -361,7 +362,7 @@ enum status section_verify(struct section_reader *reader, const struct section *
         if (status == STATUS_OK)
             crc = checksum(crc, piece, size);
     }
-    if (status == STATUS_OK && crc != section->crc)
+    if (status == STATUS_OK && !checksum_agrees(crc, section->crc))
         status = damaged(reader, section);
     memory_release(ctx, &piece, capacity, 1);
     return status;
@@ -385,7 +386,7 @@ enum status section_load(struct section_reader *reader, const struct section *se
     if (status != STATUS_OK)
         return status;
     status = input_read(&reader->file, section->offset, loaded, size);
-    if (status == STATUS_OK && checksum(0, loaded, size) != section->crc)
+    if (status == STATUS_OK && !checksum_agrees(checksum(0, loaded, size), section->crc))
         status = damaged(reader, section);
     if (status != STATUS_OK) {
         memory_release(ctx, &loaded, size, 1);

@@ -8,11 +8,11 @@
  *
  * - All corners of the rest stand in one heap, ordered by kind (proper ear, blocked ear, reflex, no
  *   area, forbidden), then by angle, then by number. Cutting one moves its two neighbours.
- * - A blocked ear waits at the corner that blocks it: it is looked at again when that corner
- * becomes convex or is cut, and not before. So the heap's top is the best ear there is at any time.
+ * - A blocked ear waits at the corner that blocks it: it is looked at again when that corner turns
+ *   convex or is cut, and not before. So the heap's top is the best ear there is at any time.
  * - The blocking corners are found in a point_tree (or by a plain loop while n is small).
  *
- * In a simple loop a proper ear is always left (two-ears theorem; ears without area never are
+ * In a simple loop a proper ear is always left (two-ears theorem; an ear without area is never
  * proper, and a rest with area always has another). In other loops, tests are added that let
  * bridged holes and ramps through: corners in the same place block only if their edges run into the
  * ear, and corners far above or below the ear, as on another turn of a ramp, do not block. When
@@ -62,13 +62,20 @@ static void heap_put(struct clipper *clipper, uint32_t place, uint32_t corner)
     clipper->place[corner] = place;
 }
 
-static void heap_sift(struct clipper *clipper, uint32_t place)
+/* Both begin at a place whose corner may be wrong there; the rest is in order. */
+static void sift_up(struct clipper *clipper, uint32_t place)
 {
     uint32_t corner = clipper->heap[place];
     while (place > 0 && key_less(clipper, corner, clipper->heap[(place - 1) / 2])) {
         heap_put(clipper, place, clipper->heap[(place - 1) / 2]);
         place = (place - 1) / 2;
     }
+    heap_put(clipper, place, corner);
+}
+
+static void sift_down(struct clipper *clipper, uint32_t place)
+{
+    uint32_t corner = clipper->heap[place];
     for (;;) {
         uint64_t child = 2 * (uint64_t)place + 1;
         if (child >= clipper->count)
@@ -84,12 +91,18 @@ static void heap_sift(struct clipper *clipper, uint32_t place)
     heap_put(clipper, place, corner);
 }
 
+static void heap_move(struct clipper *clipper, uint32_t corner)
+{
+    sift_up(clipper, clipper->place[corner]);
+    sift_down(clipper, clipper->place[corner]);
+}
+
 static void heap_remove(struct clipper *clipper, uint32_t corner)
 {
     uint32_t place = clipper->place[corner], last = clipper->heap[--clipper->count];
     if (last != corner) {
         heap_put(clipper, place, last);
-        heap_sift(clipper, place);
+        heap_move(clipper, last);
     }
 }
 
@@ -259,7 +272,7 @@ static void judge(struct clipper *clipper, uint32_t corner)
 static void rejudge(struct clipper *clipper, uint32_t corner)
 {
     judge(clipper, corner);
-    heap_sift(clipper, clipper->place[corner]);
+    heap_move(clipper, corner);
 }
 
 /* Those that wait at a corner, which has changed, are judged again. */
@@ -354,7 +367,7 @@ static enum status set_up(struct context *ctx, struct scratch *scratch,
         heap_put(clipper, i, i);
     }
     for (uint32_t i = input->n / 2; i-- > 0;)
-        heap_sift(clipper, i);
+        sift_down(clipper, i);
     return STATUS_OK;
 }
 

@@ -8,8 +8,8 @@
 
 #include "geom/vec.h"
 
-/* The vector from the point of the segment ab that is nearest to p, to p. Its length is p's distance
- * from the segment. */
+/* The vector from the point of the segment ab that is nearest to p, to p. Its length is p's
+ * distance from the segment. */
 static inline struct vec3 segment_offset(struct vec3 p, struct vec3 a, struct vec3 b)
 {
     struct vec3 along = vec3_sub(b, a), offset = vec3_sub(p, a);

@@ -11,7 +11,7 @@
 #include "base/memory.h"
 #include "inspect/comparison.h"
 
-enum { DEFAULT_SAMPLES = 10, DEFAULT_LEAST_TOTAL = 10000, SAMPLES_MAX = 1 << 16 };
+enum { DEFAULT_SAMPLES = 10, DEFAULT_LEAST_TOTAL = 100000, SAMPLES_MAX = 1 << 16 };
 
 static enum status set_up(struct comparison *comparison)
 {

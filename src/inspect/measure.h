@@ -33,7 +33,7 @@ struct measurement {
 };
 
 struct measure_options {
-    uint32_t samples_per_face; /* at least; 0: the default 10, and 10,000 in all */
+    uint32_t samples_per_face; /* at least; 0: the default 10, and 100,000 in all */
     bool self_intersections;   /* look for them */
 };
 

@@ -21,6 +21,7 @@
 enum {
     SPOOL_MEMORY = 4 << 20, /* bytes of a spool that stay in memory */
     WELD_MEMORY = 32 << 20,
+    MAPPED_MEMORY = 80 << 20, /* bytes of the spools' files that may stay mapped */
     SLAB_PIECES = SLAB_FACES / PIECE_FACES
 };
 
@@ -46,6 +47,10 @@ static void drop_pages(struct spool *spool)
 static void rest(void *user)
 {
     struct original *original = user;
+    const struct ingest *ingest = &original->ingest;
+    if (ingest->float_spool.size + ingest->double_spool.size + ingest->face_spool.size <=
+        MAPPED_MEMORY)
+        return;
     drop_pages(&original->ingest.float_spool);
     drop_pages(&original->ingest.double_spool);
     drop_pages(&original->ingest.face_spool);

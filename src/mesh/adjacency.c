@@ -22,7 +22,10 @@
 
 #define CROWDED (UINT32_MAX - 1) /* in neighbours[] of a slab in work: more than two faces */
 
-enum { STEP_LIMIT = 64 }; /* list steps an edge before a slab is matched by degree */
+enum {
+    STEP_LIMIT = 64,  /* list steps an edge before a slab is matched by degree */
+    FORGET_SIDES = 64 /* of the join: they lie anywhere */
+};
 
 struct filed_edge {
     uint32_t other;  /* the end it is not filed under */
@@ -91,13 +94,15 @@ static void link_or_refuse(const struct slab_edges *s, uint32_t earlier, uint32_
     }
 }
 
-/* Files the edges of all faces and matches each with the one filed before. False: too many steps.
- * `degree` NULL files under the lower vertex. */
-static bool match_edges(const struct slab_edges *s, struct matcher *m, const uint32_t *degree)
+/* Files the edges of all faces and matches each with the one filed before; given up, and !*is_done,
+ * after too many steps. `degree` NULL files under the lower vertex. */
+static enum status match_edges(const struct slab_edges *s, struct matcher *m,
+                               const uint32_t *degree, bool *is_done)
 {
     const struct slab_scope *scope = &m->scope;
     const uint64_t limit = degree ? UINT64_MAX : (uint64_t)STEP_LIMIT * 3 * scope->face_count;
     struct filed_edge *filed = m->filed;
+    *is_done = false;
     uint32_t *head = m->head;
     uint32_t filed_count = 0;
     uint64_t steps = 0;
@@ -107,6 +112,13 @@ static bool match_edges(const struct slab_edges *s, struct matcher *m, const uin
     for (uint32_t f = 0; f < scope->face_count; f++) {
         const uint32_t *face = s->faces + 3 * (size_t)f;
         uint32_t local[3];
+        if (filed_count + 3 > m->filed_capacity) {
+            enum status status = memory_reserve(scope->ctx, &m->filed, &m->filed_capacity,
+                                                (size_t)filed_count + 3, sizeof *m->filed);
+            if (status != STATUS_OK)
+                return status;
+            filed = m->filed;
+        }
         for (unsigned k = 0; k < 3; k++)
             local[k] = scope_local(scope, face[k]);
         for (unsigned k = 0; k < 3; k++) {
@@ -130,9 +142,10 @@ static bool match_edges(const struct slab_edges *s, struct matcher *m, const uin
             }
         }
         if (steps > limit)
-            return false;
+            return STATUS_OK;
     }
-    return true;
+    *is_done = true;
+    return STATUS_OK;
 }
 
 static enum status match_by_degree(const struct slab_edges *s, struct matcher *m)
@@ -146,8 +159,8 @@ static enum status match_by_degree(const struct slab_edges *s, struct matcher *m
     memset(m->degree, 0, (size_t)locals * sizeof *m->degree);
     for (size_t i = 0; i < 3 * (size_t)scope->face_count; i++)
         m->degree[scope_local(scope, s->faces[i])]++;
-    (void)match_edges(s, m, m->degree);
-    return STATUS_OK;
+    bool is_done;
+    return match_edges(s, m, m->degree, &is_done);
 }
 
 static enum status append_edge(struct context *ctx, struct edge_record **list, size_t *count,
@@ -226,14 +239,16 @@ static enum status match_slab(void *user, uint64_t job, unsigned worker)
                                 scope_local_count(&m->scope), sizeof *m->head);
     if (status == STATUS_OK)
         status = memory_reserve(draft->ctx, &m->filed, &m->filed_capacity,
-                                3 * (size_t)m->scope.face_count, sizeof *m->filed);
+                                (size_t)m->scope.face_count / 4 * 7, sizeof *m->filed);
     if (status != STATUS_OK)
         return status;
     const uint32_t first = m->scope.face_first;
     const struct slab_edges s = {draft->faces + 3 * (size_t)first,
                                  draft->neighbours + 3 * (size_t)first, draft->mates + first,
                                  first};
-    if (!match_edges(&s, m, NULL))
+    bool is_done;
+    status = match_edges(&s, m, NULL, &is_done);
+    if (status == STATUS_OK && !is_done)
         status = match_by_degree(&s, m);
     if (status == STATUS_OK)
         status = collect(build, &s, m->scope.face_count, found);
@@ -257,6 +272,7 @@ static enum status finish_slab(void *user, uint64_t job)
     if (status == STATUS_OK)
         status = spool_append(&build->twin_spool, found->twins,
                               found->twin_count * sizeof *found->twins);
+    draft_forget_slab(build->draft, job);
     if (status == STATUS_OK)
         status = step(build->draft->ctx, "import: adjacency", job, build->draft->slab_count);
     return status;
@@ -321,10 +337,18 @@ static enum status add_to_group(struct build *build, struct edge_group *group,
     return status;
 }
 
+static void forget_all(const struct draft *draft)
+{
+    spool_forget_all(&draft->face_spool);
+    spool_forget_all(&draft->neighbour_spool);
+    spool_forget_all(&draft->mate_spool);
+}
+
 static enum status join_slabs(struct build *build)
 {
     enum status status = sorter_finish(build->joint);
     struct edge_group group = {.count = 0};
+    uint64_t done = 0;
     while (status == STATUS_OK) {
         const void *data;
         size_t count;
@@ -332,9 +356,13 @@ static enum status join_slabs(struct build *build)
         if (status != STATUS_OK || count == 0)
             break;
         const struct edge_record *sides = data;
-        for (size_t i = 0; i < count && status == STATUS_OK; i++)
+        for (size_t i = 0; i < count && status == STATUS_OK; i++) {
             status = add_to_group(build, &group, &sides[i]);
+            if (++done % FORGET_SIDES == 0)
+                forget_all(build->draft);
+        }
     }
+    forget_all(build->draft);
     if (status == STATUS_OK)
         status = end_group(build, &group);
     return status;
@@ -369,7 +397,10 @@ static enum status mark_twins(struct build *build)
         const uint32_t *over = build->draft->neighbours + 3 * (size_t)twins[i];
         if (over[0] == over[1] && over[1] == over[2] && over[0] != NO_INDEX)
             status = mark_duplicate(build, twins[i]);
+        if (i % FORGET_SIDES == 0)
+            forget_all(build->draft);
     }
+    forget_all(build->draft);
     return status;
 }
 

@@ -74,9 +74,21 @@ enum status draft_adopt_faces(struct draft *draft, struct spool *faces)
     return STATUS_OK;
 }
 
+/* ---- residency ---- */
+
+void draft_forget_slab(const struct draft *draft, uint64_t slab)
+{
+    const uint64_t faces = (uint64_t)1 << draft->slab_shift;
+    spool_forget(&draft->face_spool, slab * faces * 12, faces * 12);
+    spool_forget(&draft->neighbour_spool, slab * faces * 12, faces * 12);
+    spool_forget(&draft->mate_spool, slab * faces, faces);
+}
+
 /* ---- numbering ---- */
 
 struct numbering {
+    struct spool number_spool;
+    struct spool id_spool;
     uint32_t *number_of; /* id -> new number + 1, 0: not used yet */
     uint32_t *id_of;     /* new number -> id */
     unsigned char *shared;
@@ -101,6 +113,19 @@ static inline uint32_t number_vertex(struct numbering *n, uint32_t id)
     return number;
 }
 
+/* Faces up to `read` have been read, and `kept` of them written. Ids of a slab lie close together
+ * where the input is local in space; elsewhere their pages come back. */
+static void forget_numbered(const struct draft *draft, const struct numbering *n, uint64_t kept,
+                            uint64_t read)
+{
+    const uint64_t slab = (uint64_t)1 << draft->slab_shift;
+    uint64_t from = kept > slab ? kept - slab : 0;
+    spool_forget(&draft->face_spool, from * 12, (read - from) * 12);
+    spool_forget_all(&n->number_spool);
+    spool_forget(&n->id_spool, 0, (uint64_t)n->next * 4);
+    spool_forget_all(&draft->shared_spool);
+}
+
 /* Renumbers the faces in place and cuts the slabs; faces that repeat a vertex close up. */
 static enum status number_faces(struct draft *draft, struct numbering *n, const uint32_t *merged,
                                 uint64_t *degenerate)
@@ -118,6 +143,7 @@ static enum status number_faces(struct draft *draft, struct numbering *n, const 
         if (a == b || b == c || a == c)
             continue;
         if ((kept & slab_mask) == 0) {
+            forget_numbered(draft, n, kept, f);
             n->slab_first = n->next;
             draft->vertex_first[kept >> draft->slab_shift] = n->next;
             enum status status = step(draft->ctx, "import: number", f, draft->face_count);
@@ -148,7 +174,12 @@ static void compose_source(struct draft *draft, struct spool *new_spool, uint32_
             id = draft->source[id];
         id_of[v] = id;
         is_identity = is_identity && id == v;
+        if (v % FORGET_EVERY == 0) {
+            spool_forget(new_spool, 0, v * 4);
+            spool_forget_all(&draft->source_spool);
+        }
     }
+    spool_forget_all(new_spool);
     spool_clear(&draft->source_spool);
     draft->source = NULL;
     if (is_identity) {
@@ -197,22 +228,21 @@ enum status draft_number(struct draft *draft, uint64_t base_count, const uint32_
                     "the mesh has %llu vertices; a store holds at most 4294967294",
                     (unsigned long long)id_count);
     struct numbering n = {0};
-    struct spool number_spool = {0}, id_spool = {0};
     enum status status = begin_slabs(draft, id_count);
     if (status == STATUS_OK)
-        status = draft_scratch(draft, &number_spool, id_count * 4, &n.number_of);
+        status = draft_scratch(draft, &n.number_spool, id_count * 4, &n.number_of);
     if (status == STATUS_OK)
-        status = draft_scratch(draft, &id_spool, id_count * 4, &n.id_of);
+        status = draft_scratch(draft, &n.id_spool, id_count * 4, &n.id_of);
     if (status == STATUS_OK) {
         n.shared = draft->shared;
         status = number_faces(draft, &n, merged, degenerate);
     }
-    spool_clear(&number_spool);
+    spool_clear(&n.number_spool);
     if (status == STATUS_OK)
         status = end_slabs(draft, &n);
     if (status == STATUS_OK)
-        compose_source(draft, &id_spool, n.id_of, base_count, copy_of);
-    spool_clear(&id_spool);
+        compose_source(draft, &n.id_spool, n.id_of, base_count, copy_of);
+    spool_clear(&n.id_spool);
     return status;
 }
 
@@ -251,6 +281,8 @@ enum status count_distinct(struct sorter *sorter, uint64_t *count)
 }
 
 /* ---- a slab ---- */
+
+enum { RUN = 64 }; /* corners looked at together */
 
 /* Least significant digit first, 11 bits a digit; the digits that are all alike are skipped. */
 void sort_u32(uint32_t *values, uint32_t *temp, size_t count)
@@ -292,6 +324,29 @@ uint32_t foreign_rank(const uint32_t *foreign, uint32_t count, uint32_t vertex)
     return (uint32_t)(base - foreign);
 }
 
+/* Appends the vertices below `first` among `count` corners. */
+static enum status collect_foreign(struct slab_scope *scope, const uint32_t *corners, size_t count,
+                                   size_t *found)
+{
+    enum status status = memory_reserve(scope->ctx, &scope->foreign, &scope->foreign_capacity,
+                                        *found + count, sizeof(uint32_t));
+    if (status != STATUS_OK)
+        return status;
+    for (size_t i = 0; i < count; i++) {
+        if (corners[i] < scope->vertex_first)
+            scope->foreign[(*found)++] = corners[i];
+    }
+    return STATUS_OK;
+}
+
+static bool any_below(const uint32_t *corners, size_t count, uint32_t first)
+{
+    uint32_t any = 0;
+    for (size_t i = 0; i < count; i++)
+        any |= corners[i] < first;
+    return any;
+}
+
 enum status scope_enter(struct draft *draft, uint32_t slab, struct slab_scope *scope)
 {
     scope->ctx = draft->ctx;
@@ -303,23 +358,19 @@ enum status scope_enter(struct draft *draft, uint32_t slab, struct slab_scope *s
     scope->vertex_first = draft->vertex_first[slab];
     scope->own_count = draft->vertex_first[slab + 1] - scope->vertex_first;
 
-    const uint32_t *faces = draft->faces + 3 * first;
-    const size_t corners = 3 * (size_t)scope->face_count;
+    /* Nearly all runs of corners have none, which vector instructions tell at once. */
+    const uint32_t *corners = draft->faces + 3 * first;
+    const size_t count = 3 * (size_t)scope->face_count;
+    enum status status = STATUS_OK;
     size_t found = 0;
-    for (size_t i = 0; i < corners; i++) {
-        if (faces[i] >= scope->vertex_first)
-            continue;
-        if (found == scope->foreign_capacity) {
-            enum status status =
-                memory_reserve(scope->ctx, &scope->foreign, &scope->foreign_capacity, found + 4096,
-                               sizeof(uint32_t));
-            if (status != STATUS_OK)
-                return status;
-        }
-        scope->foreign[found++] = faces[i];
+    for (size_t i = 0; i < count && status == STATUS_OK; i += RUN) {
+        size_t run = count - i < RUN ? count - i : RUN;
+        if (any_below(corners + i, run, scope->vertex_first))
+            status = collect_foreign(scope, corners + i, run, &found);
     }
-    enum status status =
-        memory_reserve(scope->ctx, &scope->temp, &scope->temp_capacity, found, sizeof(uint32_t));
+    if (status == STATUS_OK)
+        status = memory_reserve(scope->ctx, &scope->temp, &scope->temp_capacity, found,
+                                sizeof(uint32_t));
     if (status != STATUS_OK)
         return status;
     sort_u32(scope->foreign, scope->temp, found);

@@ -18,6 +18,7 @@
 
 #include "base/file.h"
 #include "mesh/corner.h"
+#include "mesh/forget.h"
 #include "mesh/store.h"
 
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
@@ -100,6 +101,9 @@ static inline uint64_t code_of(uint32_t face, unsigned corner)
 {
     return (uint64_t)face << 2 | corner;
 }
+
+/* Faces, neighbours and mates of a slab leave the process (forget.h). */
+void draft_forget_slab(const struct draft *draft, uint64_t slab);
 
 /* ---- one slab of a draft, as a worker sees it ---- */
 

@@ -81,7 +81,8 @@ static unsigned char *put_binary(const struct exporter *exporter, unsigned char 
     }
     const struct attributes *attributes = &exporter->attributes;
     if (!is_big && exporter->is_packed) {
-        memcpy(to, record, attributes->stride);
+        if (attributes->stride > 0) /* `record` is NULL without attributes */
+            memcpy(to, record, attributes->stride);
         return to + attributes->stride;
     }
     for (uint32_t i = 0; i < attributes->count; i++)

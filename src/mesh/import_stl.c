@@ -68,11 +68,12 @@ bool stl_is_binary(const unsigned char *data, size_t size, bool is_all)
     size_t visible = (size - STL_HEADER_SIZE) / STL_FACET_SIZE;
     if (is_all && size == STL_HEADER_SIZE + facets * STL_FACET_SIZE)
         return true;
-    if (facets == 0 && visible == 0)
+    /* A small file may be cut off, but not from one of gigabytes. */
+    if (is_all && facets > 1000 + 100 * (uint64_t)size)
         return false;
     if (facets > 0 && facets < visible)
         visible = (size_t)facets;
-    size_t tiny = 0; /* a few may be the noise of some program's arithmetic */
+    size_t tiny = 0, zeros = 0; /* a few may be the noise of some program's arithmetic */
     for (size_t i = 0; i < visible; i++) {
         const unsigned char *facet = data + STL_HEADER_SIZE + i * STL_FACET_SIZE;
         for (unsigned k = 3; k < 12; k++) {
@@ -80,11 +81,10 @@ bool stl_is_binary(const unsigned char *data, size_t size, bool is_all)
             if (!(value <= 1e18))
                 return false;
             tiny += value != 0 && value < 1e-30;
+            zeros += value == 0;
         }
     }
-    if (tiny > visible)
-        return false;
-    return visible > 0;
+    return tiny <= visible && zeros < 9 * visible;
 }
 
 /* ---- binary ---- */

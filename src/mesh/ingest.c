@@ -16,6 +16,7 @@
 
 #include "base/memory.h"
 #include "geom/triangulate.h"
+#include "mesh/forget.h"
 
 enum { BATCH = 4096, POLYGON_STEP = 1 << 16 };
 
@@ -376,10 +377,15 @@ static void settle_attributes(struct ingest *ingest)
 
 void ingest_record(const struct ingest *ingest, uint64_t vertex, unsigned char *record)
 {
-    size_t at = 0;
-    while (vertex - ingest->inputs[at].vertex_first >= ingest->inputs[at].vertex_count)
-        at++;
-    const struct ingest_input *input = &ingest->inputs[at];
+    size_t low = 0, high = ingest->input_count; /* the last input that begins at or before it */
+    while (high - low > 1) {
+        size_t middle = low + (high - low) / 2;
+        if (ingest->inputs[middle].vertex_first <= vertex)
+            low = middle;
+        else
+            high = middle;
+    }
+    const struct ingest_input *input = &ingest->inputs[low];
     const unsigned char *from =
         input->records + (vertex - input->vertex_first) * input->attributes.stride;
     for (uint32_t a = 0; a < ingest->attributes.count; a++) {
@@ -387,6 +393,14 @@ void ingest_record(const struct ingest *ingest, uint64_t vertex, unsigned char *
         memcpy(record + to->offset, from + input->attributes.list[input->common[a]].offset,
                scalar_size(to->type));
     }
+}
+
+void ingest_forget(const struct ingest *ingest)
+{
+    spool_forget_all(&ingest->float_spool);
+    spool_forget_all(&ingest->double_spool);
+    for (size_t i = 0; i < ingest->input_count; i++)
+        spool_forget_all(&ingest->inputs[i].record_spool);
 }
 
 /* ---- the end ---- */

@@ -85,6 +85,9 @@ static inline bool ingest_is_float32(const struct ingest *ingest)
     return ingest->double_first == UINT64_MAX;
 }
 
+/* Positions and records leave the process, where they lie in files, until they are looked at. */
+void ingest_forget(const struct ingest *ingest);
+
 /* The common attributes of an input vertex, attributes.stride bytes. */
 void ingest_record(const struct ingest *ingest, uint64_t vertex, unsigned char *record);
 

@@ -17,7 +17,7 @@
 #include "base/parallel.h"
 #include "geom/space_curve.h"
 
-enum { GRID_BITS = 19, FIELD_BITS = 21, CELL_BITS_MAX = 16 };
+enum { GRID_BITS = 19, FIELD_BITS = 21, CELL_BITS_MAX = 16, JUDGED_SHIFT_MIN = 6 };
 
 struct ordering {
     struct draft *draft;
@@ -142,7 +142,7 @@ static enum status move_faces(struct ordering *o)
 
 uint64_t order_crossing_limit(const struct draft *draft)
 {
-    if (draft->slab_count <= 1)
+    if (draft->slab_count <= 1 || draft->slab_shift < JUDGED_SHIFT_MIN)
         return UINT64_MAX;
     uint64_t sides = (uint64_t)CROSSING_PER_SLAB * draft->slab_count;
     return sides >> ((SLAB_SHIFT - draft->slab_shift) / 2);
@@ -150,7 +150,8 @@ uint64_t order_crossing_limit(const struct draft *draft)
 
 bool order_is_scattered(const struct draft *draft)
 {
-    return draft->foreign_corners > draft->face_count / 8 * 9;
+    return draft->slab_shift >= JUDGED_SHIFT_MIN &&
+           draft->foreign_corners > draft->face_count / 8 * 9;
 }
 
 static enum status prepare(struct ordering *o)

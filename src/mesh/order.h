@@ -11,7 +11,8 @@
 enum { CROSSING_PER_SLAB = 4096 };
 
 /* The same for all slabs, as a limit for adjacency_build. Slabs of tests, smaller by 4^n, may have
- * 2^n times fewer. A single slab keeps its order. */
+ * 2^n times fewer; those of less than 64 faces are nothing but seams and keep any order. A single
+ * slab keeps its order. */
 uint64_t order_crossing_limit(const struct draft *draft);
 
 /* Whether the order is so far from local in space that it need not be matched to be judged: more

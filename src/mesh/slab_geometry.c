@@ -7,7 +7,6 @@
 #include "mesh/slab_geometry.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "geom/vec.h"
 #include "mesh/survey.h"
@@ -33,6 +32,10 @@ enum status frame_find(const struct draft *draft, const struct ingest *ingest, s
         double p[3];
         ingest_position(ingest, draft->source ? draft->source[v] : v, p);
         widen(frame, p);
+        if (v % FORGET_EVERY == 0) {
+            ingest_forget(ingest);
+            spool_forget_all(&draft->source_spool);
+        }
     }
     double extent = 0;
     for (int i = 0; i < 3; i++) {
@@ -83,7 +86,9 @@ static void add_noise(const struct draft *draft, const struct slab_scope *scope,
         count++;
         if (!fan_step(draft, scope->face_first, scope->face_count, v, &at, &corner, &leave))
             return;
-    } while (at != f && count < scope->face_count);
+    } while (at != f && count <= NOISE_FAN_MAX);
+    if (at != f)
+        return;
     double square = vec3_dot(normal, normal);
     if (!(square > 0))
         return;
@@ -95,7 +100,8 @@ static void add_noise(const struct draft *draft, const struct slab_scope *scope,
 void measure_slab(const struct draft *draft, const struct slab_scope *scope, const float *own,
                   const float *foreign, struct slab_measures *measures)
 {
-    memset(measures, 0, sizeof *measures);
+    double area = 0, edge_length = 0;
+    uint64_t edge_count = 0, zero_area = 0;
     const uint32_t first = scope->face_first;
     const uint32_t spacing = scope->face_count / NOISE_SAMPLES + 1;
     for (uint32_t i = 0; i < scope->face_count; i++) {
@@ -107,17 +113,23 @@ void measure_slab(const struct draft *draft, const struct slab_scope *scope, con
         for (unsigned k = 0; k < 3; k++)
             along[k] = vec3_sub(p[next3(k)], p[k]);
         struct vec3 cross = vec3_cross(along[0], along[1]);
-        double twice = sqrt(vec3_dot(cross, cross));
-        measures->area += twice / 2;
-        measures->zero_area_faces += cross.x == 0 && cross.y == 0 && cross.z == 0;
+        double roots[4] = {vec3_dot(along[0], along[0]), vec3_dot(along[1], along[1]),
+                           vec3_dot(along[2], along[2]), vec3_dot(cross, cross)};
+        for (int k = 0; k < 4; k++) /* in vectors */
+            roots[k] = sqrt(roots[k]);
+        area += roots[3] / 2;
+        zero_area += (cross.x == 0) & (cross.y == 0) & (cross.z == 0);
+        /* Half of the edges are the neighbours': to add 0 is cheaper than to guess which. */
         for (unsigned k = 0; k < 3; k++) {
-            uint32_t over = draft->neighbours[3 * f + k];
-            if (over < f)
-                continue;
-            measures->edge_length += sqrt(vec3_dot(along[k], along[k]));
-            measures->edge_count++;
+            bool is_ours = draft->neighbours[3 * f + k] >= f;
+            edge_length += is_ours ? roots[k] : 0;
+            edge_count += is_ours;
         }
     }
+    *measures = (struct slab_measures){.area = area,
+                                       .edge_length = edge_length,
+                                       .edge_count = edge_count,
+                                       .zero_area_faces = zero_area};
     for (uint32_t i = 0; i < scope->face_count; i += spacing)
         add_noise(draft, scope, own, foreign, first + i, measures);
 }

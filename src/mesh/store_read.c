@@ -269,7 +269,8 @@ static enum status check_slab(struct store *store, const struct slab *slab)
     if (atomic_load_explicit(&store->is_checked[slab->index], memory_order_acquire))
         return STATUS_OK;
     const struct window *window = &slab->windows[0];
-    if (store->verify && checksum(0, window->data, window->size) != store->entries[slab->index].crc)
+    if (store->verify &&
+        !checksum_agrees(checksum(0, window->data, window->size), store->entries[slab->index].crc))
         return store_slab_damaged(store, slab->index, "its checksum is wrong");
     const char *wrong = judge_vertices(slab);
     if (!wrong &&

@@ -147,6 +147,9 @@ static enum status append_block(void *user, uint64_t job)
         if (status == STATUS_OK)
             status = section_append(w->writer, zeros, gap_behind(b, i));
     }
+    draft_forget_slab(w->draft, job);
+    spool_forget_all(&w->draft->source_spool);
+    ingest_forget(w->ingest);
     if (status == STATUS_OK)
         status = step(w->draft->ctx, "import: write", job, w->draft->slab_count);
     return status;

@@ -26,7 +26,7 @@ struct double_record {
     uint64_t index;
 };
 
-enum { BATCH = 1024 };
+enum { BATCH = 1024, POLL_BATCHES = 256 };
 
 static uint32_t float_bits(float value)
 {
@@ -59,6 +59,8 @@ static enum status add_floats(struct ingest *ingest, struct sorter *sorter, uint
             batch[count].z_index = (uint64_t)float_bits(p[2]) << 32 | v;
         }
         status = sorter_add(sorter, batch, count);
+        if (status == STATUS_OK && v / BATCH % POLL_BATCHES == 0)
+            status = step(ingest->ctx, "import: weld", v, ingest->vertex_count);
     }
     return status;
 }
@@ -82,6 +84,8 @@ static enum status add_doubles(struct ingest *ingest, struct sorter *sorter, uin
             record->key[1] = record->z;
         }
         status = sorter_add(sorter, batch, count);
+        if (status == STATUS_OK && v / BATCH % POLL_BATCHES == 0)
+            status = step(ingest->ctx, "import: weld", v, ingest->vertex_count);
     }
     return status;
 }

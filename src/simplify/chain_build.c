@@ -1,15 +1,18 @@
 /*
- * STAGE 2: patches and chains of a store. Slabs are jobs: each is mapped, grown, traced and packed by
- * one worker, and its block is written in the order of the slabs, so that neither threads nor memory
- * show in the file. What is held is in proportion to the slabs in flight; the seams go through
- * seam_join, which sorts outside of memory.
+ * STAGE 2: patches and chains of a store. Slabs are jobs: each is mapped, grown, traced and packed
+ * by one worker, and its block is written in the order of the slabs, so that neither threads nor
+ * memory show in the file. What is held is in proportion to the slabs in flight; the seams go
+ * through seam_join, which sorts outside of memory.
  */
+#include <math.h>
 #include <string.h>
 
 #include "base/bytes.h"
 #include "base/memory.h"
 #include "base/parallel.h"
+#include "simplify/chain_frame.h"
 #include "simplify/chain_trace.h"
+#include "simplify/patch_fit.h"
 #include "simplify/patchify.h"
 #include "simplify/seam_join.h"
 #include "simplify/simplify.h"
@@ -58,15 +61,15 @@ static enum status make_block(struct build *build, const struct slab *slab, stru
                                         slab->face_count, sizeof *worker->labels);
     uint32_t patch_count = 0;
     if (!status)
-        status = patch_grow(ctx, slab, &build->options, &worker->grow, worker->labels,
-                            &patch_count);
+        status =
+            patch_grow(ctx, slab, &build->options, &worker->grow, worker->labels, &patch_count);
     if (!status)
         status = chain_trace(ctx, build->store, build->stride, slab, &worker->grow, worker->labels,
                              patch_count, &worker->trace, &result->block, &result->seams,
                              &result->counts);
     if (!status)
-        status = chain_block_pack(ctx, &result->block, build->stride, build->level,
-                                  &result->packed, &result->packed_size);
+        status = chain_block_pack(ctx, &result->block, build->stride, build->level, &result->packed,
+                                  &result->packed_size);
     return status;
 }
 
@@ -107,8 +110,7 @@ static enum status finish(void *user, uint64_t job)
 {
     struct build *build = user;
     struct result *result = &build->results[job % build->in_flight];
-    enum status status =
-        chain_writer_block(build->writer, result->packed, result->packed_size);
+    enum status status = chain_writer_block(build->writer, result->packed, result->packed_size);
     if (!status)
         status = seam_join_add(build->join, &result->block, &result->seams);
     count_block(&build->info, result);
@@ -189,20 +191,36 @@ static uint64_t seam_limit(const struct context *ctx)
     return limit < SEAM_LIMIT_MIN ? SEAM_LIMIT_MIN : limit;
 }
 
+/* What a chain file can't record would make one that no reader takes. */
+static enum status check_request(struct context *ctx, const struct target *target,
+                                 const struct patch_request *request)
+{
+    bool is_finite = isfinite(request->chain_tolerance);
+    for (uint32_t i = 0; i < target->count && i < TARGETS_MAX; i++)
+        is_finite = is_finite && isfinite(target->values[i]);
+    if (target->count > TARGETS_MAX || target->effort < 1 || target->effort > 3 || !is_finite)
+        return fail(ctx, STATUS_MISUSE, "patchify is given a target out of range");
+    if (request->smoothings > SMOOTHINGS_MAX)
+        return fail(ctx, STATUS_MISUSE, "face normals can be smoothed %d times at most, not %d",
+                    (int)SMOOTHINGS_MAX, (int)request->smoothings);
+    return STATUS_OK;
+}
+
 static enum status open_all(struct build *build, const char *store_path, const char *chain_path,
                             const struct target *target, const struct patch_request *request)
 {
     struct context *ctx = build->ctx;
-    if (target->count > TARGETS_MAX)
-        return fail(ctx, STATUS_MISUSE, "%u targets; at most %d are possible", target->count,
-                    (int)TARGETS_MAX);
-    enum status status = paths_must_differ(ctx, store_path, chain_path);
+    enum status status = check_request(ctx, target, request);
+    if (!status)
+        status = paths_must_differ(ctx, store_path, chain_path);
     if (!status)
         status = store_open(ctx, store_path, true, &build->store);
     if (status)
         return status;
     const struct store_info *store = store_info(build->store);
-    patch_choose(store, target, request, &build->options);
+    status = patch_fit(ctx, build->store, target, request, &build->options);
+    if (status)
+        return status;
     fill_info(&build->info, store, target, &build->options);
     build->info.tolerance = build->options.chain_tolerance;
     build->stride = store->attributes.stride;
@@ -212,11 +230,10 @@ static enum status open_all(struct build *build, const char *store_path, const c
     build->in_flight = 2 * build->worker_count;
     status = read_store_crc(ctx, store_path, &build->info.store_crc);
     if (!status)
-        status = memory_take_zeroed(ctx, build->worker_count, sizeof *build->workers,
-                                    &build->workers);
-    if (!status)
         status =
-            memory_take_zeroed(ctx, build->in_flight, sizeof *build->results, &build->results);
+            memory_take_zeroed(ctx, build->worker_count, sizeof *build->workers, &build->workers);
+    if (!status)
+        status = memory_take_zeroed(ctx, build->in_flight, sizeof *build->results, &build->results);
     if (!status)
         status = chain_writer_open(ctx, chain_path, build->level, build->slab_count, build->stride,
                                    &build->writer);

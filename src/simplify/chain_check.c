@@ -2,8 +2,8 @@
  * Full verification of a chain file: what opening and reading check, and beyond that all checksums,
  * the counts, and that both copies of every seam chain are alike (P4). The copies lie in two blocks
  * anywhere in the file; comparing them directly would need both blocks or all seams in memory. So
- * each copy is reduced to a checksum of its vertices, in the direction that the lower slab sees, and
- * the checksums are sorted: equal ones come together.
+ * each copy is reduced to a checksum of its vertices, in the direction that the lower slab sees,
+ * and the checksums are sorted: equal ones come together.
  */
 #include <string.h>
 
@@ -75,9 +75,8 @@ static enum status add_copy(struct check *check, const struct chain_block *block
         if (i == 0)
             first = number;
     }
-    struct seam_copy copy = {.left = is_lower
-                                         ? (uint64_t)block->slab << 32 | chain->left
-                                         : (uint64_t)chain->other_slab << 32 | chain->right,
+    struct seam_copy copy = {.left = is_lower ? (uint64_t)block->slab << 32 | chain->left
+                                              : (uint64_t)chain->other_slab << 32 | chain->right,
                              .content = (uint64_t)first << 32 | sum,
                              .side = !is_lower};
     return sorter_add(check->copies, &copy, 1);
@@ -123,7 +122,8 @@ static enum status check_block(struct check *check, uint32_t slab)
         return status;
     for (uint32_t i = 0; i < block.chain_count; i++)
         interiors += block.chains[i].interior_count;
-    for (uint32_t p = 0; p < block.patch_count; p++) /* a reader of the block takes these on trust */
+    for (uint32_t p = 0; p < block.patch_count;
+         p++) /* a reader of the block takes these on trust */
         if (block.patches[p].interior_count == 0 && block.patches[p].deviation != 0)
             status = wrong(check, "a patch without interior vertices has a deviation");
     check->sums.patches += block.patch_count;

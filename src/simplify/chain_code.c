@@ -1,75 +1,22 @@
 /*
- * Written as they lie in memory, a chain takes 24 bytes and a vertex 12, and deflate finds nothing in
- * them. Here numbers become differences to what is expected, and what is alike stands together:
+ * Written as they lie in memory, a chain takes 24 bytes and a vertex 12, and deflate finds nothing
+ * in them. Here numbers become differences to what is expected, and what is alike stands together:
  *   - junctions are numbered in the order in which the chains meet them, so that a chain's end is
  *     mostly "a new one" or one met a moment ago;
- *   - coordinates are taken as integers in the order of the floats and predicted along the chain;
- *     what is left of them goes, zigzag coded, into four planes of bytes: the upper planes are nearly
- *     all zero, the lower ones are noise that costs what it must.
+ *   - coordinates are taken as integers in the order of the floats and predicted from the vertex
+ *     before on the chain; what is left goes, zigzag coded, into four planes of bytes: the upper
+ *     ones are nearly all zero, the lower ones are noise that costs what it must.
  */
 #include "simplify/chain_code.h"
 
 #include <math.h>
 #include <string.h>
 
-#include "base/bytes.h"
 #include "base/memory.h"
+#include "simplify/small_numbers.h"
 #include "simplify/unit_code.h"
 
-enum { VARINT_MAX = 5, NO_BASE = -1 };
-
-/* ---- numbers ---- */
-
-struct sink {
-    unsigned char *at; /* there is room: capacities are worked out before */
-};
-
-static inline void put(struct sink *sink, uint32_t value)
-{
-    while (value >= 128) {
-        *sink->at++ = (unsigned char)(value | 128);
-        value >>= 7;
-    }
-    *sink->at++ = (unsigned char)value;
-}
-
-struct source {
-    const unsigned char *at, *end;
-    bool is_bad; /* ran out of bytes, or a number of more than 32 bits */
-};
-
-static inline uint32_t get(struct source *source)
-{
-    uint32_t value = 0;
-    for (unsigned shift = 0; shift < 35; shift += 7) {
-        if (source->at == source->end)
-            break;
-        unsigned byte = *source->at++;
-        if (shift == 28 && byte > 15)
-            break;
-        value |= (uint32_t)(byte & 127) << shift;
-        if (byte < 128)
-            return value;
-    }
-    source->is_bad = true;
-    return 0;
-}
-
-/* 0, -1, 1, -2, 2 ... become 0, 1, 2, 3, 4 ... */
-static inline uint32_t zigzag(uint32_t difference)
-{
-    return difference << 1 ^ (difference >> 31 ? UINT32_MAX : 0);
-}
-
-static inline uint32_t unzigzag(uint32_t code)
-{
-    return code >> 1 ^ (code & 1 ? UINT32_MAX : 0);
-}
-
-static size_t left_in(const struct source *source)
-{
-    return (size_t)(source->end - source->at);
-}
+enum { NO_BASE = -1 };
 
 /* ---- positions and attributes: vertices in the order of the chains ---- */
 
@@ -94,8 +41,8 @@ struct planes {
     float *positions;
     unsigned char *records; /* NULL without attributes */
     uint32_t stride;
-    uint32_t count; /* vertices */
-    uint32_t place; /* of the next vertex in each plane */
+    uint32_t count;       /* vertices */
+    uint32_t place;       /* of the next vertex in each plane */
     unsigned char *bytes; /* (12 + stride) planes of `count` bytes */
     bool decodes;
 };
@@ -140,9 +87,9 @@ static inline void code_vertex(struct planes *planes, uint32_t vertex, int64_t b
 }
 
 /*
- * Goes through all vertices of a block whose chains and patches are known: seam vertices, then along
- * each chain its start if no chain before met it, its interior, its end if no chain before met it,
- * then the patches' interiors.
+ * Goes through all vertices of a block whose chains and patches are known: seam vertices, then
+ * along each chain its start if no chain before met it, its interior, its end if no chain before
+ * met it, then the patches' interiors.
  */
 static void code_vertices(struct planes *planes, const struct chain_block *block)
 {
@@ -229,8 +176,8 @@ static enum status put_chains(struct context *ctx, struct sink *sink,
     uint32_t left = 0, interior = block->junction_count + block->seam_vertex_count;
     for (uint32_t i = 0; i < block->chain_count; i++) {
         const struct chain *chain = block->chains + i;
-        bool fits = chain->left >= left && chain->right > chain->left &&
-                    chain->interior_first == interior;
+        bool fits =
+            chain->left >= left && chain->right > chain->left && chain->interior_first == interior;
         if (!fits)
             return fail(ctx, STATUS_INTERNAL, "chain %u of block %u is out of order", i,
                         block->slab);
@@ -249,8 +196,8 @@ static enum status put_chains(struct context *ctx, struct sink *sink,
         for (unsigned end = 0; end < 2; end++) {
             uint32_t vertex = end ? chain->end : chain->start;
             if (vertex < block->junction_count && vertex > ends.met)
-                return fail(ctx, STATUS_INTERNAL, "junction %u of block %u is out of order",
-                            vertex, block->slab);
+                return fail(ctx, STATUS_INTERNAL, "junction %u of block %u is out of order", vertex,
+                            block->slab);
             put_end(sink, &ends, vertex);
         }
     }
@@ -458,17 +405,17 @@ static const char *get_seam_vertices(struct source *source, struct chain_block *
     return NULL;
 }
 
-enum status chain_block_encode(struct context *ctx, const struct chain_block *block, uint32_t stride,
-                               unsigned char **raw, size_t *capacity, size_t *size)
+enum status chain_block_encode(struct context *ctx, const struct chain_block *block,
+                               uint32_t stride, unsigned char **raw, size_t *capacity, size_t *size)
 {
     uint32_t chain_interiors = 0, patch_interiors = 0;
     for (uint32_t i = 0; i < block->chain_count; i++)
         chain_interiors += block->chains[i].interior_count;
     for (uint32_t p = 0; p < block->patch_count; p++)
         patch_interiors += block->patches[p].interior_count;
-    *capacity = (size_t)VARINT_MAX * (8 + block->seam_vertex_count + 5 * (size_t)block->chain_count +
-                                      2 * (size_t)block->patch_count +
-                                      2 * (size_t)block->diagonal_count) +
+    *capacity = (size_t)SMALL_NUMBER_MAX *
+                    (8 + block->seam_vertex_count + 5 * (size_t)block->chain_count +
+                     2 * (size_t)block->patch_count + 2 * (size_t)block->diagonal_count) +
                 12 * (size_t)block->patch_count + (12 + (size_t)stride) * block->vertex_count;
     enum status status = memory_take(ctx, *capacity, 1, raw);
     if (status)
@@ -515,8 +462,9 @@ static const char *get_counts(struct source *source, uint32_t stride, struct cha
     uint64_t vertices = (uint64_t)block->junction_count + block->seam_vertex_count +
                         *chain_interiors + *patch_interiors;
     size_t left = left_in(source);
-    if (source->is_bad || vertices > left / (12 + (size_t)stride) || block->chain_count > left / 5 ||
-        block->patch_count > left / 13 || block->diagonal_count > left / 2)
+    if (source->is_bad || vertices > left / (12 + (size_t)stride) ||
+        block->chain_count > left / 5 || block->patch_count > left / 13 ||
+        block->diagonal_count > left / 2)
         return "it is too short for its counts";
     block->vertex_count = (uint32_t)vertices;
     return NULL;
@@ -600,96 +548,4 @@ void chain_block_clear(struct context *ctx, uint32_t stride, struct chain_block 
     memory_release(ctx, &block->seam_chains, block->seam_chain_count, sizeof *block->seam_chains);
     memory_release(ctx, &block->seam_lists, block->seam_list_count, sizeof(uint32_t));
     memset(block, 0, sizeof *block);
-}
-
-/* ---- seam chains ---- */
-
-enum status seam_chains_encode(struct context *ctx, const struct chain_block *block,
-                               unsigned char **raw, size_t *capacity, size_t *size)
-{
-    *capacity = (size_t)VARINT_MAX *
-                (2 + 4 * (size_t)block->seam_chain_count + (size_t)block->seam_list_count);
-    enum status status = memory_take(ctx, *capacity, 1, raw);
-    if (status)
-        return status;
-    struct sink sink = {.at = *raw};
-    uint32_t left = 0, slab = block->slab, list = 0;
-    put(&sink, block->seam_chain_count);
-    put(&sink, block->seam_list_count);
-    for (uint32_t i = 0; i < block->seam_chain_count; i++) {
-        const struct seam_chain *chain = block->seam_chains + i;
-        if (chain->left < left || chain->vertex_first != list || chain->vertex_count < 2) {
-            memory_release(ctx, raw, *capacity, 1);
-            return fail(ctx, STATUS_INTERNAL, "seam chain %u of block %u is out of order", i,
-                        block->slab);
-        }
-        put(&sink, chain->left - left);
-        put(&sink, zigzag(chain->other_slab - slab));
-        put(&sink, chain->right);
-        put(&sink, chain->vertex_count - 2);
-        left = chain->left;
-        slab = chain->other_slab;
-        list += chain->vertex_count;
-    }
-    uint32_t last = 0;
-    for (uint32_t i = 0; i < block->seam_list_count; i++) {
-        put(&sink, zigzag(block->seam_lists[i] - last));
-        last = block->seam_lists[i];
-    }
-    *size = (size_t)(sink.at - *raw);
-    return STATUS_OK;
-}
-
-static const char *get_seam_chains(struct source *source, uint32_t slab_count,
-                                   struct chain_block *block)
-{
-    uint32_t left = 0, slab = block->slab, list = 0;
-    for (uint32_t i = 0; i < block->seam_chain_count; i++) {
-        struct seam_chain *chain = block->seam_chains + i;
-        uint32_t difference = get(source);
-        slab += unzigzag(get(source));
-        chain->right = get(source);
-        uint32_t more = get(source);
-        if (source->is_bad || difference >= block->patch_count ||
-            left + difference >= block->patch_count)
-            return "a seam chain's left patch is out of range";
-        if (slab >= slab_count || slab == block->slab || chain->right == NO_PATCH)
-            return "a seam chain's other side is out of range";
-        if (block->seam_list_count - list < 2 || more > block->seam_list_count - list - 2)
-            return "the seam chains have more vertices than the block says";
-        left += difference;
-        chain->left = left;
-        chain->other_slab = slab;
-        chain->vertex_first = list;
-        chain->vertex_count = more + 2;
-        list += more + 2;
-    }
-    if (list != block->seam_list_count)
-        return "the seam chains have fewer vertices than the block says";
-    uint32_t last = 0;
-    for (uint32_t i = 0; i < block->seam_list_count; i++) {
-        last += unzigzag(get(source));
-        if (source->is_bad || last - block->junction_count >= block->seam_vertex_count)
-            return "a seam chain's vertex is no seam vertex";
-        block->seam_lists[i] = last;
-    }
-    return left_in(source) ? "there are bytes left over behind the seam chains" : NULL;
-}
-
-enum status seam_chains_decode(struct context *ctx, const char *what, const unsigned char *raw,
-                               size_t size, uint32_t slab_count, struct chain_block *block)
-{
-    struct source source = {.at = raw, .end = raw + size};
-    uint32_t chains = get(&source), list = get(&source);
-    if (source.is_bad || chains > left_in(&source) / 4 || list > left_in(&source))
-        return fail(ctx, STATUS_BAD_INPUT, "%s: %s", what, "it is too short for its counts");
-    block->seam_chain_count = chains;
-    block->seam_list_count = list;
-    enum status status = memory_take(ctx, chains, sizeof *block->seam_chains, &block->seam_chains);
-    if (!status)
-        status = memory_take(ctx, list, sizeof(uint32_t), &block->seam_lists);
-    if (status)
-        return status;
-    const char *wrong = get_seam_chains(&source, slab_count, block);
-    return wrong ? fail(ctx, STATUS_BAD_INPUT, "%s: %s", what, wrong) : STATUS_OK;
 }

@@ -38,6 +38,8 @@ enum status chain_file_open(struct context *ctx, const char *path, struct chain_
     MUST_CHECK;
 void chain_file_close(struct chain_file **file);
 const struct chain_info *chain_file_info(const struct chain_file *file);
+/* Its path as given, for words. */
+const char *chain_file_name(const struct chain_file *file);
 
 /* Reads, verifies and checks one block with its seam chains; every number in it is in range and P1,
  * P2 hold as far as one block shows. Release with chain_block_clear. */

@@ -153,7 +153,7 @@ static bool options_are_sound(const struct patch_options *options)
         if (!is_cosine(options->patch_cosine[i]) || !is_cosine(options->face_cosine[i]))
             return false;
     return options->most_faces >= 1 && options->most_faces <= PATCH_FACES_MAX &&
-           options->smoothings <= 1000 && isfinite(options->chain_tolerance) &&
+           options->smoothings <= SMOOTHINGS_MAX && isfinite(options->chain_tolerance) &&
            options->chain_tolerance >= 0;
 }
 
@@ -182,8 +182,8 @@ const char *chain_info_decode(const unsigned char *from, size_t size, struct cha
         return "a number is not finite";
     if (info->topology.faces > UINT32_MAX || info->topology.vertices > UINT32_MAX ||
         info->patches > info->topology.faces || info->most_faces > info->topology.faces ||
-        info->chain_vertices > info->topology.vertices ||
-        info->junctions > info->chain_vertices || info->seam_chains > info->chains)
+        info->chain_vertices > info->topology.vertices || info->junctions > info->chain_vertices ||
+        info->seam_chains > info->chains)
         return "the counts contradict each other";
     return NULL;
 }

@@ -24,6 +24,7 @@ struct chain_sizes {
 };
 
 enum {
+    SMOOTHINGS_MAX = 1000, /* of face normals; far beyond use */
     CHAIN_INDEX_ENTRY = 8,
     CHAIN_INFO_FIXED = 424,
     CHAIN_INFO_ATTRIBUTE = 72,

@@ -1,18 +1,18 @@
 /*
- * The chain graph: all blocks of a chain file joined into one polygon mesh, whose vertices are chain
- * vertices, whose edges are the pieces of chains between them, and whose faces are the patches.
+ * The chain graph: all blocks of a chain file joined into one polygon mesh, whose vertices are
+ * chain vertices, whose edges are the pieces of chains between them, and whose faces are the
+ * patches.
  *
  * Half-edges come in pairs, h and h ^ 1; edge e has the half-edges 2e and 2e + 1. A half-edge
  * belongs to the patch on its left, or to NO_PATCH beside the mesh border.
  *
  * Invariants, before and after every operation (patch_merge.h); numbers are used in tests:
- *   G1  next and previous are inverse to each other, origin[next[h]] == origin[h ^ 1], and a patch's
- *       half-edges form one closed walk of at least three different vertices;
- *   G2  the half-edges that start at a vertex form one turn round it, with at most one on the border;
- *       `outgoing` names one of them, the one on the border if there is one;
- *   G3  no two edges have the same two vertices;
- *   G4  no two triangle patches have the same three vertices, unless the chain file itself has them;
- *   G5  with disks for the patches this is a surface homeomorphic to the store's.
+ *   G1  next and previous are inverse to each other, origin[next[h]] == origin[h ^ 1], and a
+ * patch's half-edges form one closed walk of at least three different vertices; G2  the half-edges
+ * that start at a vertex form one turn round it, with at most one on the border; `outgoing` names
+ * one of them, the one on the border if there is one; G3  no two edges have the same two vertices;
+ *   G4  no two triangle patches have the same three vertices, unless the chain file itself has
+ * them; G5  with disks for the patches this is a surface homeomorphic to the store's.
  *
  * Memory, in bytes:
  *
@@ -45,8 +45,8 @@ struct edge_record {
 struct graph_patch {
     float normal[3]; /* unit */
     float area;
-    float deviation; /* of what it replaces from its plane */
-    float longest;   /* at least the length of its longest chain */
+    float deviation;    /* of what it replaces from its plane */
+    float longest;      /* at least the length of its longest chain */
     uint32_t half_edge; /* one of its own; NO_INDEX: the patch is gone */
     uint32_t size;      /* corners */
     uint32_t open;      /* corners that are no junctions: 0 when all its chains are single edges */
@@ -76,8 +76,8 @@ struct chain_graph {
 
     uint64_t live_edges, live_border_edges, live_patches;
 
-    uint32_t stride;        /* of the attribute records */
-    struct spool records;   /* stride bytes a vertex */
+    uint32_t stride;      /* of the attribute records */
+    struct spool records; /* stride bytes a vertex */
     unsigned char *record_data;
 };
 
@@ -106,7 +106,8 @@ enum status chain_graph_check(struct chain_graph *graph) MUST_CHECK;
 /*
  * The halving error (chain_simplify.h) of every chain vertex of a graph that no operation has
  * changed yet: errors[0, vertex_count), INFINITY for junctions and for vertices inside patches.
- * `priced`: times the price of the chain's metric, which is the order of operations of mode classic.
+ * `priced`: times the price of the chain's metric, which is the order of operations of mode
+ * classic.
  */
 enum status chain_graph_errors(struct chain_graph *graph, bool priced, float *errors) MUST_CHECK;
 

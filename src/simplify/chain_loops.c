@@ -1,7 +1,7 @@
 /*
- * A patch names no chains; chains name patches. So the uses of chains by patches are first sorted by
- * patch (by counting), each use being a chain walked with the patch on its left. Then one patch at a
- * time is followed from use to use, with marks on the vertices that hold for that patch only:
+ * A patch names no chains; chains name patches. So the uses of chains by patches are first sorted
+ * by patch (by counting), each use being a chain walked with the patch on its left. Then one patch
+ * at a time is followed from use to use, with marks on the vertices that hold for that patch only:
  * linear in the block, without a map.
  */
 #include "simplify/chain_loops.h"
@@ -181,8 +181,9 @@ static int compare_chords(const void *left, const void *right)
     return a->high > b->high ? -1 : a->high < b->high;
 }
 
-/* length - 3 different chords that do not cross and are no sides triangulate the loop. Sorted, outer
- * before inner, each chord must lie within the innermost open one that has not ended before it. */
+/* length - 3 different chords that do not cross and are no sides triangulate the loop. Sorted,
+ * outer before inner, each chord must lie within the innermost open one that has not ended before
+ * it. */
 static bool is_triangulation(struct chord *chords, uint32_t count, uint32_t length)
 {
     qsort(chords, count, sizeof *chords, compare_chords);

@@ -1,7 +1,7 @@
 /*
- * Reading a chain file: a check list. The frame is checked by section_file_open, the index must cover
- * the sections without a gap, and each block carries its own checksums, which are verified whenever
- * it is read; then its contents are checked as if someone had forged them.
+ * Reading a chain file: a check list. The frame is checked by section_file_open, the index must
+ * cover the sections without a gap, and each block carries its own checksums, which are verified
+ * whenever it is read; then its contents are checked as if someone had forged them.
  */
 #include <stdio.h>
 #include <string.h>
@@ -86,8 +86,8 @@ static enum status read_index(struct chain_file *file)
         block += place->sizes.block; /* no overflow: at most 2^32 entries of 32 bits */
         seam += place->sizes.seams;
     }
-    if (!status && (block != blocks->offset + blocks->length ||
-                    seam != seams->offset + seams->length))
+    if (!status &&
+        (block != blocks->offset + blocks->length || seam != seams->offset + seams->length))
         status = fail(file->ctx, STATUS_BAD_INPUT,
                       "%s: section INDX does not cover blocks and seams", path);
     memory_release(file->ctx, &bytes, index->length, 1);
@@ -109,8 +109,8 @@ enum status chain_file_open(struct context *ctx, const char *path, struct chain_
         return status;
     }
     if (file->reader.count != 4)
-        status = fail(ctx, STATUS_BAD_INPUT, "%s: %u sections instead of 4", path,
-                      file->reader.count);
+        status =
+            fail(ctx, STATUS_BAD_INPUT, "%s: %u sections instead of 4", path, file->reader.count);
     if (!status)
         status = read_info(file);
     if (!status)
@@ -136,6 +136,11 @@ const struct chain_info *chain_file_info(const struct chain_file *file)
     return &file->info;
 }
 
+const char *chain_file_name(const struct chain_file *file)
+{
+    return file->reader.file.path;
+}
+
 /* ---- blocks ---- */
 
 /* One packed part of the file; *raw is released with memory_release(ctx, &raw, size, 1). */
@@ -152,8 +157,8 @@ static enum status read_part(struct chain_file *file, const char *what, uint64_t
     window_close(&window);
     if (!status && taken != stored) {
         memory_release(file->ctx, raw, *size, 1);
-        status = fail(file->ctx, STATUS_BAD_INPUT,
-                      "%s: it has %zu bytes where the index says %u", what, taken, stored);
+        status = fail(file->ctx, STATUS_BAD_INPUT, "%s: it has %zu bytes where the index says %u",
+                      what, taken, stored);
     }
     return status;
 }

@@ -16,9 +16,9 @@
 
 #include <stdbool.h>
 
-/* Sines between which the lateral weight grows to 1: 30 and 50 degrees. */
-#define SMOOTH_SINE 0.5
-#define SHARP_SINE 0.7660444431189780
+/* Sines between which the lateral weight grows to 1: 20 and 40 degrees. */
+#define SMOOTH_SINE 0.3420201433256687
+#define SHARP_SINE 0.6427876096865394
 #define LATERAL_SMOOTH 0.35 /* lateral weight per sine where the surface is smooth */
 
 struct walk {

@@ -22,6 +22,7 @@ struct chain_metric {
 
 #define CHAIN_LATERAL_LEAST 0.005
 #define CHAIN_SHARP_PRICE 3.0
+#define CHAIN_SHARP_LATERAL 0.5 /* chains whose lateral weight is larger count as sharp */
 
 /* The plain distance, for borders. */
 static inline struct chain_metric chain_metric_plain(void)
@@ -45,9 +46,9 @@ static inline double chain_metric_length(const struct chain_metric *metric, stru
  * replaced by it, otherwise its middle vertex is kept and both halves are looked at. What lies
  * below a replaced subchain is not looked at.
  *
- * HALVING_BOTTOM_UP, the hierarchy: a middle vertex goes only when all of both halves is gone and the
- * whole subchain is within the tolerance. It keeps at least the vertices that the other keeps, and
- * removing vertices in the order of their errors passes through all its chains, finest first.
+ * HALVING_BOTTOM_UP, the hierarchy: a middle vertex goes only when all of both halves is gone and
+ * the whole subchain is within the tolerance. It keeps at least the vertices that the other keeps,
+ * and removing vertices in the order of their errors passes through all its chains, finest first.
  */
 enum halving { HALVING_TOP_DOWN, HALVING_BOTTOM_UP };
 

@@ -1,8 +1,8 @@
 /*
  * A boundary edge lies between faces of different patches, or at the mesh border. The naive way to
  * chains collects all boundary edges in a hash map from vertex to edges and follows it. Here each
- * patch's loop is walked once over the adjacency, from face to face round each boundary vertex, with
- * nothing but the labels and one byte a vertex that says how many boundary edges meet there.
+ * patch's loop is walked once over the adjacency, from face to face round each boundary vertex,
+ * with nothing but the labels and one byte a vertex that says how many boundary edges meet there.
  *
  * Chains end at junctions: vertices where other than two boundary edges meet. A slab sees this for
  * the vertices inside it. A vertex that another slab touches, too, always lies on an edge between
@@ -13,7 +13,7 @@
  * A chain never comes back to the junction it began at: both its patches have just these two edges
  * there (their boundaries pass no vertex twice), so that no third edge could end there.
  */
-#include "simplify/chain_trace.h"
+#include "simplify/trace_internal.h"
 
 #include <math.h>
 #include <string.h>
@@ -21,57 +21,14 @@
 #include "base/memory.h"
 #include "simplify/chain_file.h"
 #include "simplify/face_normals.h"
-#include "simplify/unit_code.h"
-
-/* What meets at a vertex. The lowest two bits count the boundary edges inside the slab, up to 3. */
-enum {
-    KIND_DEGREE = 3,
-    KIND_SEAM = 4,     /* another slab touches it */
-    KIND_JUNCTION = 8, /* has a number among the block's junctions */
-    KIND_TOUCHED = 16, /* a seam vertex at which a chain of this slab ends */
-    KIND_INTERIOR = 32 /* inside a patch, and seen */
-};
 
 #define OVER_SEAM (UINT32_MAX - 1) /* in loop_others: a face of another slab */
 
-/* Interior vertices that a patch keeps. */
-enum { PATCH_INTERIORS = 1 };
+/* The longest boundary that a disk of PATCH_FACES_MAX faces can have; and room to have it twice, so
+ * that pieces of it never wrap round. */
+enum { LOOP_MAX = PATCH_FACES_MAX + 2, LOOP_SPACE = 2 * (LOOP_MAX + 1) };
 
-/* The longest boundary that a disk of PATCH_FACES_MAX faces can have. */
-enum { LOOP_MAX = PATCH_FACES_MAX + 2 };
-
-struct patch_sum {
-    double normal[3]; /* sum of cross products, later the unit normal */
-    double area;      /* twice the sum */
-    double centre[3]; /* mean of the boundary's vertices */
-    double distance[PATCH_INTERIORS]; /* of `interior` from the boundary's plane, descending */
-    uint32_t interior[PATCH_INTERIORS];
-    uint32_t first_face;
-    uint32_t first_edge; /* face << 2 | edge: the first boundary edge in face order */
-    uint32_t loop_count; /* boundary vertices */
-    uint32_t interior_count;
-};
-
-struct trace {
-    struct context *ctx;
-    const struct slab *slab;
-    const struct slab_local *local;
-    const float *normals;
-    const uint32_t *labels;
-    uint32_t patch_count;
-    struct trace_workspace *scratch;
-    uint32_t junction_count;
-    uint32_t seam_vertex_count;
-    size_t chain_count;
-    size_t interior_count; /* chain-interior vertices */
-    size_t seam_edge_count;
-    size_t touched_count;
-    size_t patch_interior_count;
-    size_t diagonal_count;
-    uint64_t most_faces;
-};
-
-static enum status inconsistent(const struct trace *trace, const char *what)
+enum status trace_fail(const struct trace *trace, const char *what)
 {
     return fail(trace->ctx, STATUS_BAD_INPUT, "mesh store: slab %u: %s", trace->slab->index, what);
 }
@@ -83,9 +40,9 @@ static enum status reserve(struct context *ctx, struct trace_workspace *scratch,
 {
     enum status status = STATUS_OK;
     if (!scratch->loop_vertices)
-        status = memory_take(ctx, LOOP_MAX + 1, sizeof(uint32_t), &scratch->loop_vertices);
+        status = memory_take(ctx, LOOP_SPACE, sizeof(uint32_t), &scratch->loop_vertices);
     if (!status && !scratch->loop_others)
-        status = memory_take(ctx, LOOP_MAX + 1, sizeof(uint32_t), &scratch->loop_others);
+        status = memory_take(ctx, LOOP_SPACE, sizeof(uint32_t), &scratch->loop_others);
     if (!status && (vertices > scratch->vertex_capacity || !scratch->kinds)) {
         size_t old = scratch->vertex_capacity;
         memory_release(ctx, &scratch->kinds, old, 1);
@@ -106,8 +63,8 @@ void trace_workspace_clear(struct context *ctx, struct trace_workspace *scratch)
     memory_release(ctx, &scratch->kinds, scratch->vertex_capacity, 1);
     memory_release(ctx, &scratch->numbers, scratch->vertex_capacity, sizeof(uint32_t));
     memory_release(ctx, &scratch->sums, scratch->patch_capacity, sizeof *scratch->sums);
-    memory_release(ctx, &scratch->loop_vertices, LOOP_MAX + 1, sizeof(uint32_t));
-    memory_release(ctx, &scratch->loop_others, LOOP_MAX + 1, sizeof(uint32_t));
+    memory_release(ctx, &scratch->loop_vertices, LOOP_SPACE, sizeof(uint32_t));
+    memory_release(ctx, &scratch->loop_others, LOOP_SPACE, sizeof(uint32_t));
     memory_release(ctx, &scratch->chains, scratch->chain_capacity, sizeof *scratch->chains);
     memory_release(ctx, &scratch->interiors, scratch->interior_capacity, sizeof(uint32_t));
     memory_release(ctx, &scratch->seam_edges, scratch->seam_edge_capacity,
@@ -203,7 +160,8 @@ static void number_seam_vertices(struct trace *trace)
 
 /* ---- one patch's loop ---- */
 
-/* Walks the boundary of a patch with the patch on the left: loop_vertices, loop_others. */
+/* Walks the boundary of a patch with the patch on the left: loop_vertices, loop_others, each twice
+ * over. */
 static enum status walk_loop(struct trace *trace, uint32_t patch, uint32_t *count)
 {
     const struct slab_local *local = trace->local;
@@ -211,13 +169,13 @@ static enum status walk_loop(struct trace *trace, uint32_t patch, uint32_t *coun
     uint32_t length = 0, steps = 0;
     *count = 0;
     if (first == NO_INDEX)
-        return inconsistent(trace, "a patch without a boundary");
+        return trace_fail(trace, "a patch without a boundary");
     uint32_t face = first >> 2;
     unsigned k = first & 3;
     do {
         uint32_t link = local->links[3 * (size_t)face + k];
         if (length > LOOP_MAX)
-            return inconsistent(trace, "the boundary of a patch does not close");
+            return trace_fail(trace, "the boundary of a patch does not close");
         trace->scratch->loop_vertices[length] = local->corners[3 * (size_t)face + k];
         trace->scratch->loop_others[length++] = link == LINK_BORDER ? NO_PATCH
                                                 : link == LINK_SEAM ? OVER_SEAM
@@ -230,13 +188,17 @@ static enum status walk_loop(struct trace *trace, uint32_t patch, uint32_t *coun
             if (!link_is_face(link) || trace->labels[link >> 2] != patch)
                 break;
             if (++steps > 3 * PATCH_FACES_MAX)
-                return inconsistent(trace, "the faces of a patch form no fan round a vertex");
+                return trace_fail(trace, "the faces of a patch form no fan round a vertex");
             face = link >> 2;
             k = next3(link & 3);
         }
     } while ((face << 2 | k) != first);
     if (length < 3)
-        return inconsistent(trace, "the boundary of a patch has fewer than three edges");
+        return trace_fail(trace, "the boundary of a patch has fewer than three edges");
+    memcpy(trace->scratch->loop_vertices + length, trace->scratch->loop_vertices,
+           length * sizeof(uint32_t));
+    memcpy(trace->scratch->loop_others + length, trace->scratch->loop_others,
+           length * sizeof(uint32_t));
     *count = length;
     return STATUS_OK;
 }
@@ -260,50 +222,48 @@ static void mark_junction(struct trace *trace, uint32_t vertex)
     }
 }
 
-/* Adds the chain over the loop's edges [from, from + edges), places taken modulo `count`. */
-static enum status add_chain(struct trace *trace, uint32_t patch, uint32_t count, uint32_t from,
-                             uint32_t edges)
+/* Makes room for whatever a loop of `count` edges can add. */
+static enum status reserve_loop(struct trace *trace, uint32_t count)
+{
+    struct context *ctx = trace->ctx;
+    struct trace_workspace *scratch = trace->scratch;
+    enum status status = memory_reserve(ctx, &scratch->chains, &scratch->chain_capacity,
+                                        trace->chain_count + count, sizeof *scratch->chains);
+    if (!status)
+        status = memory_reserve(ctx, &scratch->interiors, &scratch->interior_capacity,
+                                trace->interior_count + count, sizeof *scratch->interiors);
+    if (!status)
+        status = memory_reserve(ctx, &scratch->seam_edges, &scratch->seam_edge_capacity,
+                                trace->seam_edge_count + count, sizeof *scratch->seam_edges);
+    return status;
+}
+
+/* Adds the chain over the loop's edges [from, from + edges). */
+static void add_chain(struct trace *trace, uint32_t patch, uint32_t from, uint32_t edges)
 {
     struct trace_workspace *scratch = trace->scratch;
-    enum status status =
-        memory_reserve(trace->ctx, &scratch->chains, &scratch->chain_capacity,
-                       trace->chain_count + 1, sizeof *scratch->chains);
-    if (!status)
-        status = memory_reserve(trace->ctx, &scratch->interiors, &scratch->interior_capacity,
-                                trace->interior_count + edges, sizeof *scratch->interiors);
-    if (status)
-        return status;
-    const uint32_t *vertices = scratch->loop_vertices;
-    uint32_t start = vertices[from], end = vertices[(from + edges) % count];
-    mark_junction(trace, start);
-    mark_junction(trace, end);
+    const uint32_t *vertices = scratch->loop_vertices + from;
+    mark_junction(trace, vertices[0]);
+    mark_junction(trace, vertices[edges]);
     scratch->chains[trace->chain_count++] =
-        (struct chain){.start = start,
-                       .end = end,
+        (struct chain){.start = vertices[0],
+                       .end = vertices[edges],
                        .left = patch,
                        .right = scratch->loop_others[from],
                        .interior_first = (uint32_t)trace->interior_count,
                        .interior_count = edges - 1};
     for (uint32_t i = 1; i < edges; i++)
-        scratch->interiors[trace->interior_count++] = vertices[(from + i) % count];
-    return STATUS_OK;
+        scratch->interiors[trace->interior_count++] = vertices[i];
 }
 
-static enum status add_seam_edge(struct trace *trace, uint32_t patch, uint32_t start, uint32_t end)
+static void add_seam_edge(struct trace *trace, uint32_t patch, uint32_t start, uint32_t end)
 {
-    struct trace_workspace *scratch = trace->scratch;
-    enum status status =
-        memory_reserve(trace->ctx, &scratch->seam_edges, &scratch->seam_edge_capacity,
-                       trace->seam_edge_count + 1, sizeof *scratch->seam_edges);
-    if (status)
-        return status;
     uint64_t a = local_vertex_number(trace->local, start);
     uint64_t b = local_vertex_number(trace->local, end);
-    scratch->seam_edges[trace->seam_edge_count++] =
+    trace->scratch->seam_edges[trace->seam_edge_count++] =
         (struct seam_edge){.key = a < b ? a << 32 | b : b << 32 | a,
                            .slab = trace->slab->index,
                            .side = patch << 1 | (a > b)};
-    return STATUS_OK;
 }
 
 /* A loop without a junction: the whole boundary of two patches of this slab, or of a patch and the
@@ -324,11 +284,11 @@ static enum status cut_closed_loop(struct trace *trace, uint32_t patch, uint32_t
     size_t chosen[3];
     loop_choose_three(count, positions, vertices, chosen);
     memory_release(trace->ctx, &positions, count, 3 * sizeof *positions);
-    for (unsigned i = 0; i < 3 && !status; i++) {
-        uint32_t from = (uint32_t)chosen[i], to = (uint32_t)chosen[i == 2 ? 0 : i + 1];
-        status = add_chain(trace, patch, count, from, (to + count - from) % count);
+    for (unsigned i = 0; i < 3; i++) {
+        size_t to = i == 2 ? chosen[0] + count : chosen[i + 1];
+        add_chain(trace, patch, (uint32_t)chosen[i], (uint32_t)(to - chosen[i]));
     }
-    return status;
+    return STATUS_OK;
 }
 
 /* Cuts the walked loop at its junctions; a chain is added by the lower of its two patches. */
@@ -336,29 +296,31 @@ static enum status cut_loop(struct trace *trace, uint32_t patch, uint32_t count)
 {
     const uint32_t *vertices = trace->scratch->loop_vertices;
     const uint32_t *others = trace->scratch->loop_others;
+    enum status status = reserve_loop(trace, count);
+    if (status)
+        return status;
     uint32_t first = 0;
     while (first < count && !is_break(trace, vertices[first]))
         first++;
     if (first == count)
         return cut_closed_loop(trace, patch, count);
 
-    enum status status = STATUS_OK;
-    for (uint32_t done = 0; done < count && !status;) {
-        uint32_t from = (first + done) % count, edges = 1;
-        while (done + edges < count && !is_break(trace, vertices[(from + edges) % count])) {
-            if (others[(from + edges) % count] != others[from])
-                return inconsistent(trace, "a chain changes its patches between junctions");
+    uint32_t edges;
+    for (uint32_t from = first; from < first + count; from += edges) {
+        edges = 1;
+        while (!is_break(trace, vertices[from + edges])) {
+            if (others[from + edges] != others[from])
+                return trace_fail(trace, "a chain changes its patches between junctions");
             edges++;
         }
-        done += edges;
+        if (edges == count)
+            return trace_fail(trace, "a chain ends at the junction that it began at");
         if (others[from] == OVER_SEAM)
-            status = add_seam_edge(trace, patch, vertices[from], vertices[(from + 1) % count]);
+            add_seam_edge(trace, patch, vertices[from], vertices[from + 1]);
         else if (others[from] > patch)
-            status = edges == count
-                         ? inconsistent(trace, "a chain ends at the junction that it began at")
-                         : add_chain(trace, patch, count, from, edges);
+            add_chain(trace, patch, from, edges);
     }
-    return status;
+    return STATUS_OK;
 }
 
 /* Unit normal and the boundary's mean: the plane from which interior vertices are measured. */
@@ -377,8 +339,7 @@ static void finish_plane(struct trace *trace, uint32_t patch, uint32_t count)
             normal[c] = grown[c];
     }
     for (uint32_t i = 0; i < count; i++) {
-        const float *x =
-            trace->local->positions + 3 * (size_t)trace->scratch->loop_vertices[i];
+        const float *x = trace->local->positions + 3 * (size_t)trace->scratch->loop_vertices[i];
         for (unsigned c = 0; c < 3; c++)
             sum->centre[c] += x[c];
     }
@@ -402,247 +363,6 @@ static enum status trace_loops(struct trace *trace)
     return STATUS_OK;
 }
 
-/* ---- what patches keep of their inside ---- */
-
-/* Keeps the PATCH_INTERIORS farthest; of equal ones the first, which is the lowest. */
-static void keep_farthest(struct patch_sum *sum, uint32_t vertex, double distance)
-{
-    unsigned place = sum->interior_count;
-    while (place > 0 && sum->distance[place - 1] < distance)
-        place--;
-    if (place == PATCH_INTERIORS)
-        return;
-    unsigned last = sum->interior_count < PATCH_INTERIORS ? sum->interior_count++
-                                                          : PATCH_INTERIORS - 1;
-    for (unsigned i = last; i > place; i--) {
-        sum->distance[i] = sum->distance[i - 1];
-        sum->interior[i] = sum->interior[i - 1];
-    }
-    sum->distance[place] = distance;
-    sum->interior[place] = vertex;
-}
-
-/* A vertex at which no boundary edge ends lies inside the patch of any of its faces. Own vertices
- * are numbered by first use, so faces in order meet them ascending. */
-static void choose_interiors(struct trace *trace)
-{
-    const struct slab_local *local = trace->local;
-    uint8_t *kinds = trace->scratch->kinds;
-    for (size_t f = 0; f < local->face_count; f++) {
-        for (unsigned k = 0; k < 3; k++) {
-            uint32_t vertex = local->corners[3 * f + k];
-            if (kinds[vertex] != 0)
-                continue;
-            kinds[vertex] = KIND_INTERIOR;
-            struct patch_sum *sum = trace->scratch->sums + trace->labels[f];
-            const float *x = local->positions + 3 * (size_t)vertex;
-            double distance = sum->normal[0] * (x[0] - sum->centre[0]) +
-                              sum->normal[1] * (x[1] - sum->centre[1]) +
-                              sum->normal[2] * (x[2] - sum->centre[2]);
-            keep_farthest(sum, vertex, fabs(distance));
-        }
-    }
-}
-
-/* The nearest float that is not below. */
-static float round_up(double value)
-{
-    float rounded = (float)value;
-    return rounded < value ? nextafterf(rounded, INFINITY) : rounded;
-}
-
-static float clamp_float(double value)
-{
-    return value > 3.4e38 ? 3.4e38f : (float)value;
-}
-
-static void fill_patches(struct trace *trace, struct chain_block *block)
-{
-    uint32_t interior = block->vertex_count - (uint32_t)trace->patch_interior_count;
-    uint32_t diagonal = 0;
-    for (uint32_t p = 0; p < trace->patch_count; p++) {
-        const struct patch_sum *sum = trace->scratch->sums + p;
-        struct patch *patch = block->patches + p;
-        (void)unit_decode(unit_encode(sum->normal), patch->normal); /* as the file will give it */
-        patch->area = clamp_float(0.5 * sum->area);
-        patch->deviation = sum->interior_count ? round_up(sum->distance[0]) : 0;
-        patch->interior_first = interior;
-        patch->interior_count = sum->interior_count;
-        patch->diagonal_first = diagonal;
-        patch->diagonal_count = sum->interior_count ? 0 : sum->loop_count - 3;
-        interior += patch->interior_count;
-        diagonal += patch->diagonal_count;
-    }
-}
-
-/* ---- the block ---- */
-
-static uint32_t block_vertex(const struct trace *trace, uint32_t vertex)
-{
-    uint32_t number = trace->scratch->numbers[vertex];
-    return trace->scratch->kinds[vertex] & KIND_SEAM ? trace->junction_count + number : number;
-}
-
-static enum status take_block(struct trace *trace, uint32_t stride, struct chain_block *block)
-{
-    for (uint32_t p = 0; p < trace->patch_count; p++) {
-        const struct patch_sum *sum = trace->scratch->sums + p;
-        trace->patch_interior_count += sum->interior_count;
-        trace->diagonal_count += sum->interior_count ? 0 : sum->loop_count - 3;
-    }
-    size_t vertices = (size_t)trace->junction_count + trace->seam_vertex_count +
-                      trace->interior_count + trace->patch_interior_count;
-    block->slab = trace->slab->index;
-    block->vertex_count = (uint32_t)vertices;
-    block->junction_count = trace->junction_count;
-    block->seam_vertex_count = trace->seam_vertex_count;
-    block->chain_count = (uint32_t)trace->chain_count;
-    block->patch_count = trace->patch_count;
-    block->diagonal_count = (uint32_t)trace->diagonal_count;
-    struct context *ctx = trace->ctx;
-    enum status status = memory_take(ctx, vertices, 3 * sizeof(float), &block->positions);
-    if (!status && stride)
-        status = memory_take(ctx, vertices, stride, &block->records);
-    if (!status)
-        status = memory_take(ctx, trace->seam_vertex_count, sizeof(uint32_t),
-                             &block->seam_vertices);
-    if (!status)
-        status = memory_take(ctx, trace->chain_count, sizeof *block->chains, &block->chains);
-    if (!status)
-        status = memory_take(ctx, trace->patch_count, sizeof *block->patches, &block->patches);
-    if (!status)
-        status = memory_take(ctx, trace->diagonal_count, 2 * sizeof(uint32_t), &block->diagonals);
-    return status;
-}
-
-/* Where the values of local vertices go: position and attributes. */
-struct vertex_copy {
-    struct store *store;
-    uint32_t stride;
-};
-
-static enum status copy_vertex(struct trace *trace, const struct vertex_copy *copy,
-                               struct chain_block *block, uint32_t to, uint32_t vertex)
-{
-    const struct slab_local *local = trace->local;
-    memcpy(block->positions + 3 * (size_t)to, local->positions + 3 * (size_t)vertex,
-           3 * sizeof(float));
-    if (copy->stride == 0)
-        return STATUS_OK;
-    unsigned char *record = block->records + (size_t)to * copy->stride;
-    if (vertex >= local->own_count)
-        return store_record(copy->store, local_vertex_number(local, vertex), record);
-    memcpy(record, trace->slab->records + (size_t)vertex * copy->stride, copy->stride);
-    return STATUS_OK;
-}
-
-/* Junctions and seam vertices by their numbers; then interiors in order. */
-static enum status fill_vertices(struct trace *trace, const struct vertex_copy *copy,
-                                 struct chain_block *block)
-{
-    const struct slab_local *local = trace->local;
-    const struct trace_workspace *scratch = trace->scratch;
-    enum status status = STATUS_OK;
-    for (uint32_t v = 0; v < local->vertex_count && !status; v++) {
-        if (!(scratch->kinds[v] & (KIND_SEAM | KIND_JUNCTION)))
-            continue;
-        if (scratch->kinds[v] & KIND_SEAM)
-            block->seam_vertices[scratch->numbers[v]] = local_vertex_number(local, v);
-        status = copy_vertex(trace, copy, block, block_vertex(trace, v), v);
-    }
-    uint32_t next = trace->junction_count + trace->seam_vertex_count;
-    for (size_t i = 0; i < trace->interior_count && !status; i++)
-        status = copy_vertex(trace, copy, block, next++, scratch->interiors[i]);
-    for (uint32_t p = 0; p < trace->patch_count && !status; p++) {
-        const struct patch_sum *sum = scratch->sums + p;
-        for (uint32_t i = 0; i < sum->interior_count && !status; i++)
-            status = copy_vertex(trace, copy, block, next++, sum->interior[i]);
-    }
-    return status;
-}
-
-static void fill_chains(struct trace *trace, struct chain_block *block)
-{
-    uint32_t interior = trace->junction_count + trace->seam_vertex_count;
-    uint32_t *numbers = trace->scratch->numbers;
-    for (size_t i = 0; i < trace->chain_count; i++) {
-        struct chain chain = trace->scratch->chains[i];
-        chain.start = block_vertex(trace, chain.start);
-        chain.end = block_vertex(trace, chain.end);
-        for (uint32_t j = 0; j < chain.interior_count; j++)
-            numbers[trace->scratch->interiors[chain.interior_first + j]] =
-                interior + chain.interior_first + j;
-        chain.interior_first += interior;
-        block->chains[i] = chain;
-    }
-}
-
-/* Block number of a boundary vertex once fill_chains has numbered the chains' interiors. */
-static uint32_t boundary_vertex(const struct trace *trace, uint32_t vertex)
-{
-    return trace->scratch->kinds[vertex] & KIND_SEAM ? block_vertex(trace, vertex)
-                                                     : trace->scratch->numbers[vertex];
-}
-
-/* A patch of F faces without interior vertices has F + 2 boundary vertices and F - 1 edges inside:
- * its diagonals, each taken from the lower of its two faces. */
-static enum status fill_diagonals(struct trace *trace, struct chain_block *block)
-{
-    const struct slab_local *local = trace->local;
-    if (trace->diagonal_count == 0)
-        return STATUS_OK;
-    uint32_t *filled;
-    enum status status =
-        memory_take_zeroed(trace->ctx, trace->patch_count, sizeof *filled, &filled);
-    if (status)
-        return status;
-    for (uint32_t f = 0; f < local->face_count && !status; f++) {
-        uint32_t label = trace->labels[f];
-        const struct patch *patch = block->patches + label;
-        if (patch->diagonal_count == 0)
-            continue;
-        for (unsigned k = 0; k < 3; k++) {
-            uint32_t link = local->links[3 * (size_t)f + k];
-            if (!link_is_face(link) || link >> 2 < f || trace->labels[link >> 2] != label)
-                continue;
-            if (filled[label] == patch->diagonal_count) {
-                status = inconsistent(trace, "a patch is no disk");
-                break;
-            }
-            uint32_t *diagonal =
-                block->diagonals + 2 * ((size_t)patch->diagonal_first + filled[label]++);
-            diagonal[0] = boundary_vertex(trace, local->corners[3 * (size_t)f + k]);
-            diagonal[1] = boundary_vertex(trace, local->corners[3 * (size_t)f + next3(k)]);
-        }
-    }
-    for (uint32_t p = 0; p < trace->patch_count && !status; p++)
-        if (filled[p] != block->patches[p].diagonal_count)
-            status = inconsistent(trace, "a patch is no disk");
-    memory_release(trace->ctx, &filled, trace->patch_count, sizeof *filled);
-    return status;
-}
-
-static enum status take_seams(struct trace *trace, struct slab_seams *seams)
-{
-    const struct trace_workspace *scratch = trace->scratch;
-    seams->edge_count = trace->seam_edge_count;
-    seams->junction_count = trace->touched_count;
-    enum status status =
-        memory_take(trace->ctx, seams->edge_count, sizeof *seams->edges, &seams->edges);
-    if (!status)
-        status = memory_take(trace->ctx, seams->junction_count, sizeof *seams->junctions,
-                             &seams->junctions);
-    if (status)
-        return status;
-    if (seams->edge_count)
-        memcpy(seams->edges, scratch->seam_edges, seams->edge_count * sizeof *seams->edges);
-    size_t next = 0;
-    for (uint32_t v = 0; v < trace->local->vertex_count; v++)
-        if (scratch->kinds[v] & KIND_TOUCHED)
-            seams->junctions[next++] = local_vertex_number(trace->local, v);
-    return STATUS_OK;
-}
-
 enum status chain_trace(struct context *ctx, struct store *store, uint32_t stride,
                         const struct slab *slab, const struct patch_workspace *space,
                         const uint32_t *labels, uint32_t patch_count,
@@ -656,7 +376,6 @@ enum status chain_trace(struct context *ctx, struct store *store, uint32_t strid
                           .labels = labels,
                           .patch_count = patch_count,
                           .scratch = scratch};
-    struct vertex_copy copy = {.store = store, .stride = stride};
     memset(block, 0, sizeof *block);
     memset(seams, 0, sizeof *seams);
     enum status status = reserve(ctx, scratch, space->local.vertex_count, patch_count);
@@ -666,19 +385,11 @@ enum status chain_trace(struct context *ctx, struct store *store, uint32_t strid
     number_seam_vertices(&trace);
     status = trace_loops(&trace);
     if (!status) {
-        choose_interiors(&trace);
-        status = take_block(&trace, stride, block);
-    }
-    if (!status) {
-        fill_patches(&trace, block);
-        status = fill_vertices(&trace, &copy, block);
-    }
-    if (!status) {
-        fill_chains(&trace, block);
-        status = fill_diagonals(&trace, block);
+        trace_choose_interiors(&trace);
+        status = trace_make_block(&trace, store, stride, block);
     }
     if (!status)
-        status = take_seams(&trace, seams);
+        status = trace_take_seams(&trace, seams);
     if (status) {
         chain_block_clear(ctx, stride, block);
         slab_seams_clear(ctx, seams);
@@ -727,8 +438,8 @@ void loop_choose_three(size_t count, const float *positions, const uint32_t *num
     double best = 0;
     for (size_t i = 0; i < count; i++) {
         double distance = squared_distance(a, positions + 3 * i);
-        if (i != lowest && (far == count || distance > best ||
-                            (distance == best && numbers[i] < numbers[far]))) {
+        if (i != lowest &&
+            (far == count || distance > best || (distance == best && numbers[i] < numbers[far]))) {
             far = i;
             best = distance;
         }

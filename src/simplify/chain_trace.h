@@ -10,9 +10,10 @@
 
 /* One edge between two slabs, as one of them sees it. */
 struct seam_edge {
-    uint64_t key;  /* lower store vertex << 32 | higher */
+    uint64_t key; /* lower store vertex << 32 | higher */
     uint32_t slab;
-    uint32_t side; /* patch << 1 | 1 when the slab's face runs from the higher vertex to the lower */
+    uint32_t
+        side; /* patch << 1 | 1 when the slab's face runs from the higher vertex to the lower */
 };
 
 /* What one slab knows of its seams. Owned by whoever called chain_trace. */
@@ -46,10 +47,10 @@ struct trace_counts {
 };
 
 /*
- * Makes the block of `slab` (without its seam chains; the caller owns it, chain_block_clear) and its
- * seams from `labels`. `space` is the one that patch_grow has just used for this slab. `store` is
- * asked for the attributes of foreign vertices and may be NULL when `stride` is 0. STATUS_BAD_INPUT
- * when adjacency and labels contradict each other.
+ * Makes the block of `slab` (without its seam chains; the caller owns it, chain_block_clear) and
+ * its seams from `labels`. `space` is the one that patch_grow has just used for this slab. `store`
+ * is asked for the attributes of foreign vertices and may be NULL when `stride` is 0.
+ * STATUS_BAD_INPUT when adjacency and labels contradict each other.
  */
 enum status chain_trace(struct context *ctx, struct store *store, uint32_t stride,
                         const struct slab *slab, const struct patch_workspace *space,

@@ -66,9 +66,9 @@ void chain_writer_discard(struct chain_writer **writer)
 static enum status pack(struct context *ctx, unsigned char *raw, size_t capacity, size_t size,
                         int level, unsigned char **packed, size_t *packed_size)
 {
-    enum status status = size > BLOCK_MAX ? fail(ctx, STATUS_BAD_INPUT,
-                                                 "a block of %zu bytes is too large", size)
-                                          : block_pack(ctx, raw, size, level, packed, packed_size);
+    enum status status =
+        size > BLOCK_MAX ? fail(ctx, STATUS_BAD_INPUT, "a block of %zu bytes is too large", size)
+                         : block_pack(ctx, raw, size, level, packed, packed_size);
     memory_release(ctx, &raw, capacity, 1);
     return status;
 }

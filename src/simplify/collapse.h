@@ -18,13 +18,17 @@ struct collapse_options {
     double border_weight; /* of the boundary term; 0: the default */
     bool keep_guards;     /* rather stop than make slivers and turn faces over, where only these
                              stand in the way of fewer faces */
+    const char *source;   /* the file that the mesh was made from: damage to it is then the reason
+                             when the mesh is not manifold (STATUS_BAD_INPUT). NULL: the caller's
+                             defect (STATUS_INTERNAL) */
 };
 
 struct collapse; /* the mesh being simplified */
 
 /*
  * Takes a mesh that holds M1 to M4. Positions (3 doubles), faces and records are copied in compact
- * form; the caller may release them at once. `locked`: one byte a vertex, not 0 where a vertex must
+ * form (positions that are not all float32 are rounded to float32 relative to the middle of their
+ * box); the caller may release them at once. `locked`: one byte a vertex, not 0 where a vertex must
  * neither move nor vanish (NULL: none). `base_error`: one float a vertex, the error that the mesh
  * already has there against the original (NULL: none); estimates begin with it.
  */

@@ -201,6 +201,21 @@ static void mend_special_lanes(const struct collapse *c, uint32_t v, struct vert
     }
 }
 
+/*
+ * What a cost is divided by: the fourth root of the sum of squared areas round the edge. Lindstrom
+ * and Turk order edges by squared volumes, that is squared distance times squared area, and so give
+ * up small sharp features first, which are where the largest distances arise; Garland and Heckbert
+ * by squared distance times area. A quarter of the way between them leaves the mean as it was
+ * (koala and bunny at 2 %: 0.3 to 0.8 % more) and makes the largest distance a fifth to a quarter
+ * smaller.
+ */
+static inline float area_part(const struct fan *fan, const struct edge_lanes *lanes, uint32_t i)
+{
+    const float squares = (fan->square[0] + fan->square[3] + fan->square[5]) +
+                          (lanes->square[0][i] + lanes->square[3][i] + lanes->square[5][i]);
+    return sqrtf(sqrtf(squares)) + 1e-30f;
+}
+
 void vertex_evaluate(const struct collapse *c, uint32_t v, struct vertex_edges *e)
 {
     struct edge_lanes lanes;
@@ -223,8 +238,10 @@ void vertex_evaluate(const struct collapse *c, uint32_t v, struct vertex_edges *
             mend_special_lanes(c, v, e, first, &lanes);
         for (int k = 0; k < 3; k++)
             memcpy(&e->places[k][first], lanes.at[k], sizeof lanes.at[k]);
-        for (uint32_t i = 0; i < EDGE_LANES; i++)
-            e->costs[first + i] = lanes.cost[i] < 3e38f ? lanes.cost[i] : INFINITY;
+        for (uint32_t i = 0; i < EDGE_LANES; i++) {
+            const float cost = lanes.cost[i] / area_part(&c->vertices[v].fan, &lanes, i);
+            e->costs[first + i] = cost < 3e38f ? cost : INFINITY;
+        }
     }
 }
 

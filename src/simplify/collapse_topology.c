@@ -105,8 +105,12 @@ enum status topology_build(struct collapse *c)
     if (status == STATUS_OK) {
         bucket_corners(c, heads);
         if (!match_corners(c, heads, seen) || !find_vertex_corners(c, seen))
-            status =
-                fail(ctx, STATUS_INTERNAL, "edge collapse was given a mesh that is not manifold");
+            status = c->options.source
+                         ? fail(ctx, STATUS_BAD_INPUT,
+                                "%s: is damaged: its patches do not join to a manifold mesh",
+                                c->options.source)
+                         : fail(ctx, STATUS_INTERNAL,
+                                "edge collapse was given a mesh that is not manifold");
     }
     memory_release(ctx, &seen, vertices, sizeof *seen);
     memory_release(ctx, &heads, vertices, sizeof *heads);

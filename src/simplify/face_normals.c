@@ -142,8 +142,7 @@ static void spread_normals(const struct slab_local *local, float *normals, float
             normal[2] = 1; /* its neighbours cancel out: any will do */
         for (unsigned k = 0; k < 3; k++) {
             uint32_t link = local->links[3 * (size_t)f + k];
-            if (link_is_face(link) &&
-                is_undefined(normals + NORMAL_STRIDE * (size_t)(link >> 2)))
+            if (link_is_face(link) && is_undefined(normals + NORMAL_STRIDE * (size_t)(link >> 2)))
                 order[tail++] = link >> 2;
         }
     }

@@ -13,10 +13,10 @@ enum { NORMAL_STRIDE = 4 };
 
 /*
  * Fills *normals (NORMAL_STRIDE floats a face). A face of zero area takes the mean of its edge
- * neighbours' normals, as near as there are any in the slab, else (0, 0, 1). Then `smoothings` times
- * each normal becomes the normalised sum of itself and those of its edge neighbours in the slab.
- * *spare is as large as *normals, and the two may have changed places afterwards; `queue` holds one
- * entry a face.
+ * neighbours' normals, as near as there are any in the slab, else (0, 0, 1). Then `smoothings`
+ * times each normal becomes the normalised sum of itself and those of its edge neighbours in the
+ * slab. *spare is as large as *normals, and the two may have changed places afterwards; `queue`
+ * holds one entry a face.
  */
 void face_normals_fill(const struct slab_local *local, uint32_t smoothings, float **normals,
                        float **spare, uint32_t *queue);

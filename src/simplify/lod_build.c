@@ -9,8 +9,8 @@
 #include "simplify/lod_output.h"
 #include "simplify/lod_target.h"
 
-enum status lod_build(struct context *ctx, const char *chain_path, const struct lod_options *options,
-                      struct lod_report *report)
+enum status lod_build(struct context *ctx, const char *chain_path,
+                      const struct lod_options *options, struct lod_report *report)
 {
     struct chain_file *file = NULL;
     memset(report, 0, sizeof *report);

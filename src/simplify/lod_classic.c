@@ -1,13 +1,13 @@
 /*
  * Mode classic.
  *
- * The chain graph is built once and simplified by one sequence of operations (lod_sequence.h); a level
- * is the graph at the moment when it has few enough faces: its patches are triangulated, the
+ * The chain graph is built once and simplified by one sequence of operations (lod_sequence.h); a
+ * level is the graph at the moment when it has few enough faces: its patches are triangulated, the
  * triangles written, and the sequence goes on. How many faces a graph gives is known without
- * triangulating it, corners less two a patch, except where a patch must be cut into a fan, which has
- * two faces more. So a level is made by going to N, triangulating, and as long as the fans
- * make it too many, going on by as much. When in the end fewer fans are needed than were reckoned
- * with, unused vertices are put back into patches: N or N - 1 is met.
+ * triangulating it, corners less two a patch, except where a patch must be cut into a fan, which
+ * has two faces more. So a level is made by going to N, triangulating, and as long as the fans make
+ * it too many, going on by as much. When in the end fewer fans are needed than were reckoned with,
+ * unused vertices are put back into patches: N or N - 1 is met.
  */
 #include "simplify/lod_classic.h"
 
@@ -18,6 +18,10 @@
 #include "simplify/lod_sequence.h"
 #include "simplify/lod_target.h"
 #include "simplify/patch_triangulate.h"
+
+/* Patches may be grown with a smaller angle than merged: what finer patches tell of the shape is
+ * used until the level has no room for it. 25 degrees, the paper's alpha1. */
+#define MERGE_COSINE 0.9063077870366499
 
 struct classic {
     struct context *ctx;
@@ -41,9 +45,10 @@ static void fetch_vertices(void *user, uint64_t first, size_t count, double *pos
     size_t stride = graph->stride;
     for (size_t i = 0; i < count; i++) {
         size_t v = classic->vertices[first + i];
-        for (size_t k = 0; k < 3; k++)
-            positions[3 * i + k] =
-                classic->info->origin[k] + (double)graph->positions[3 * v + k];
+        for (size_t k = 0; k < 3; k++) {
+            double value = (double)graph->positions[3 * v + k], origin = classic->info->origin[k];
+            positions[3 * i + k] = origin != 0 ? origin + value : value; /* -0 stays -0 */
+        }
         if (stride > 0)
             memcpy(records + i * stride, graph->record_data + v * stride, stride);
     }
@@ -59,9 +64,9 @@ static enum status number_vertices(struct classic *classic)
     for (size_t i = 0; i < corner_count; i++) {
         uint32_t *number = &classic->numbers[corners[i]];
         if (*number == NO_INDEX) {
-            enum status status = memory_reserve(
-                classic->ctx, &classic->vertices, &classic->vertex_capacity,
-                classic->vertex_count + 1, sizeof *classic->vertices);
+            enum status status =
+                memory_reserve(classic->ctx, &classic->vertices, &classic->vertex_capacity,
+                               classic->vertex_count + 1, sizeof *classic->vertices);
             if (status != STATUS_OK)
                 return status;
             *number = (uint32_t)classic->vertex_count;
@@ -90,23 +95,27 @@ static enum status write_level(struct classic *classic, uint32_t index, struct l
 
 /* ---- reaching a level ---- */
 
-/* Takes away until the triangulated patches have at most `most` faces, if that is possible. */
+/* Takes away until the triangulated patches have at most `most` faces, if that is possible without
+ * an operation that costs more than `most_error`. */
 static enum status reach_faces(struct classic *classic, uint64_t most, double most_error)
 {
-    enum status status = lod_sequence_run(&classic->sequence, most, most_error);
+    uint64_t goal = most;
+    enum status status = lod_sequence_run(&classic->sequence, goal, most_error);
     while (status == STATUS_OK) {
         status = patch_triangulate(&classic->graph, &classic->faces);
         if (status != STATUS_OK)
             return status;
         uint64_t total = classic->faces.count, base = chain_graph_faces(&classic->graph);
         bool blocked = classic->faces.blocked > 0;
-        if (!blocked && (total <= most || classic->sequence.exhausted || most == 0))
+        bool has_ended = classic->sequence.exhausted || base > goal; /* the rest is too dear */
+        if (!blocked && (total <= most || has_ended || most == 0))
             return STATUS_OK;
         if (classic->sequence.exhausted)
             return fail(classic->ctx, STATUS_INTERNAL,
                         "a patch can't be triangulated and nothing more can be taken away");
         uint64_t excess = total > most && most > 0 ? total - most : 1;
-        status = lod_sequence_run(&classic->sequence, base > excess ? base - excess : 1, INFINITY);
+        goal = base > excess ? base - excess : 1;
+        status = lod_sequence_run(&classic->sequence, goal, blocked ? INFINITY : most_error);
     }
     return status;
 }
@@ -125,10 +134,8 @@ static double present_error(const struct classic *classic)
 
 static enum status make_level(struct classic *classic, uint32_t index, struct level *level)
 {
-    bool by_error = level->wanted_faces == 0;
-    enum status status = reach_faces(classic, level->wanted_faces,
-                                     by_error ? level->wanted_error : INFINITY);
-    if (status == STATUS_OK && !by_error && classic->sequence.done > 0 &&
+    enum status status = reach_faces(classic, level->wanted_faces, lod_error_bound(level));
+    if (status == STATUS_OK && classic->sequence.done > 0 &&
         classic->faces.count + 1 < level->wanted_faces)
         status = patch_refine(&classic->faces, (level->wanted_faces - classic->faces.count) / 2);
     if (status != STATUS_OK)
@@ -148,6 +155,8 @@ enum status lod_classic(struct context *ctx, struct chain_file *file,
 {
     struct classic classic = {.ctx = ctx, .options = options, .info = chain_file_info(file)};
     struct cost_options cost = {classic.info->options.patch_cosine[0]};
+    if (cost.patch_cosine > MERGE_COSINE)
+        cost.patch_cosine = MERGE_COSINE;
     if (options->place == PLACE_OPTIMAL)
         return fail(ctx, STATUS_MISUSE,
                     "mode classic keeps input vertices where they are: --place optimal needs "
@@ -158,8 +167,8 @@ enum status lod_classic(struct context *ctx, struct chain_file *file,
     status = lod_sequence_begin(&classic.graph, &cost, &classic.sequence);
     if (status != STATUS_OK)
         goto done;
-    status = memory_take(ctx, classic.graph.vertex_count, sizeof *classic.numbers,
-                         &classic.numbers);
+    status =
+        memory_take(ctx, classic.graph.vertex_count, sizeof *classic.numbers, &classic.numbers);
     for (uint32_t i = 0; i < report->level_count && status == STATUS_OK; i++)
         status = make_level(&classic, i, &report->levels[i]);
     lod_sequence_end(&classic.sequence);

@@ -7,9 +7,9 @@
 #include "simplify/simplify.h"
 
 /*
- * Makes and writes all levels of `report`, which lod_target_levels has filled in, finest first, from
- * one run of operations over the chain graph; fills in what each level has become. Output vertices
- * are input vertices with their attributes: placement `optimal` is STATUS_MISUSE.
+ * Makes and writes all levels of `report`, which lod_target_levels has filled in, finest first,
+ * from one run of operations over the chain graph; fills in what each level has become. Output
+ * vertices are input vertices with their attributes: placement `optimal` is STATUS_MISUSE.
  *
  * Memory: with V chain vertices, E pieces of chain between them (V and half the junctions) and P
  * patches, 37 V + 48 E + 88 P bytes, and 16 bytes a vertex and face of a level while it is written:

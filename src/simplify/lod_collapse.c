@@ -62,14 +62,14 @@ static void choose_fineness(struct lod *lod)
     }
     diagonal = sqrt(diagonal);
     lod->finest_faces = finest->wanted_faces;
-    lod->finest_error = finest->wanted_faces ? INFINITY : finest->wanted_error;
+    lod->finest_error = lod_error_bound(finest);
+    lod->tolerance = INFINITY;
     if (finest->wanted_faces) {
         /* edge of an equilateral triangle: area = sqrt(3) / 4 edge^2 */
         const double face = lod->info->area / (double)finest->wanted_faces;
         lod->tolerance = EDGE_PART * sqrt(2.31 * face);
-    } else {
-        lod->tolerance = TOLERANCE_PART * finest->wanted_error;
     }
+    lod->tolerance = fmin(lod->tolerance, TOLERANCE_PART * lod->finest_error);
     lod->tolerance = lod->tolerance < 1e-3 * diagonal ? lod->tolerance : 1e-3 * diagonal;
 }
 
@@ -219,10 +219,8 @@ static enum status join_nodes(struct lod *lod)
 static enum status make_level(struct lod *lod, struct collapse *collapse, uint32_t index)
 {
     struct level *level = &lod->report->levels[index];
-    const bool by_error = level->wanted_faces == 0;
     struct mesh mesh;
-    enum status status =
-        collapse_run(collapse, level->wanted_faces, by_error ? level->wanted_error : INFINITY);
+    enum status status = collapse_run(collapse, level->wanted_faces, lod_error_bound(level));
     if (status == STATUS_OK)
         status = collapse_extract(collapse, &mesh, NULL);
     if (status != STATUS_OK)
@@ -263,7 +261,8 @@ enum status lod_collapse(struct context *ctx, struct chain_file *file,
         .info = info,
         .options = options,
         .report = report,
-        .collapse = {.subset = options->place == PLACE_SUBSET, .effort = options->target.effort},
+        .collapse = {.subset = options->place == PLACE_SUBSET, .effort = options->target.effort,
+                     .source = chain_file_name(file)},
         .stride = info->attributes.stride};
     const size_t slabs = info->slab_count;
     choose_fineness(&lod);

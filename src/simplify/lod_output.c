@@ -1,6 +1,6 @@
 /*
- * Writing levels. A level's vertices lie scattered among those of the graph; gathering them all first
- * would take as much memory again, so they go out in batches.
+ * Writing levels. A level's vertices lie scattered among those of the graph; gathering them all
+ * first would take as much memory again, so they go out in batches.
  */
 #include "simplify/lod_output.h"
 

@@ -7,11 +7,11 @@
 #include "simplify/simplify.h"
 
 /*
- * The name of a level: in `pattern`, %d stands for its number (0 is the finest) and %% for a percent
- * sign. *name is released by lod_output_name_release.
+ * The name of a level: in `pattern`, %d stands for its number (0 is the finest) and %% for a
+ * percent sign. *name is released by lod_output_name_release.
  */
-enum status lod_output_name(struct context *ctx, const char *pattern, uint32_t index, char **name)
-    MUST_CHECK;
+enum status lod_output_name(struct context *ctx, const char *pattern, uint32_t index,
+                            char **name) MUST_CHECK;
 void lod_output_name_release(struct context *ctx, char **name);
 
 /* To be asked before any work: STATUS_MISUSE when the pattern has any other %, when several levels

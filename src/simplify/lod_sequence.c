@@ -9,10 +9,10 @@
  *
  * An item of the queue is a vertex (the cheapest way to take it away) or a patch (its cheapest
  * merge). Chain vertices begin with their stored halving error, which makes them go in the order of
- * the bottom-up hierarchy of section 4.2.5. Keys are not kept up to date everywhere: what an operation
- * changes nearby is priced again at once, and every item once more when it comes to the front,
- * where it goes back if it has become dearer. What had become impossible may be possible again
- * later, so an empty queue is filled again from all that lives until that brings nothing.
+ * the bottom-up hierarchy of section 4.2.5. Keys are not kept up to date everywhere: what an
+ * operation changes nearby is priced again at once, and every item once more when it comes to the
+ * front, where it goes back if it has become dearer. What had become impossible may be possible
+ * again later, so an empty queue is filled again from all that lives until that brings nothing.
  */
 #include "simplify/lod_sequence.h"
 
@@ -20,7 +20,7 @@
 
 #include "base/memory.h"
 
-enum { STEP_OPERATIONS = 1 << 14, MERGE_NEIGHBOURS_MAX = 64 };
+enum { STEP_OPERATIONS = 1 << 14, MERGE_NEIGHBOURS_MAX = 64, SLIDE_PASSES = 2 };
 
 /* ---- the heap: least key first, then lowest number ---- */
 
@@ -151,7 +151,8 @@ static void do_remove(struct lod_sequence *s, uint32_t v)
         if (!(graph->flags[ends[i]] & VERTEX_STORED))
             renew(s, ends[i]);
     for (int i = 0; i < 2; i++)
-        renew_patch(s, sides[i]);
+        if (sides[i] != NO_PATCH && graph->patches[sides[i]].open == 0)
+            renew_patch(s, sides[i]);
 }
 
 static void do_collapse(struct lod_sequence *s, const struct operation *operation)
@@ -173,8 +174,6 @@ static void do_collapse(struct lod_sequence *s, const struct operation *operatio
     for (uint32_t i = 0; i < count; i++)
         if (sides[i] != NO_PATCH && graph->patches[sides[i]].half_edge == NO_INDEX)
             heap_drop(s, patch_item(s, sides[i]));
-        else
-            renew_patch(s, sides[i]);
 }
 
 static void do_merge(struct lod_sequence *s, const struct operation *operation)
@@ -206,6 +205,49 @@ static void do_merge(struct lod_sequence *s, const struct operation *operation)
     } while (g != first);
 }
 
+/* ---- putting vertices where they serve best ---- */
+
+/* One pass over all vertices; returns how many moved. */
+static uint64_t slide_all(struct lod_sequence *s)
+{
+    struct chain_graph *graph = s->graph;
+    uint64_t moved = 0;
+    for (uint32_t v = 0; v < graph->vertex_count; v++) {
+        struct slide slide;
+        if (!vertex_is_live(graph, v) || !vertex_slide_find(graph, v, &slide))
+            continue;
+        heap_drop(s, v);
+        vertex_slide(graph, v, slide.in, slide.out, slide.to);
+        renew(s, slide.to);
+        uint32_t h = graph->outgoing[slide.to];
+        do {
+            renew(s, half_edge_end(graph, h));
+            h = half_edge_turn(graph, h);
+        } while (h != graph->outgoing[slide.to]);
+        moved++;
+    }
+    return moved;
+}
+
+/* Removing vertices one by one leaves chains with segments of length one and two side by side; on a
+ * chain with the same number of vertices, evenly spread ones are nearer to it. */
+static void slide_chains(struct lod_sequence *s)
+{
+    for (int pass = 0; pass < SLIDE_PASSES; pass++)
+        if (slide_all(s) == 0)
+            break;
+}
+
+/* Done whenever a quarter of the faces has gone, and for each level. */
+static void slide_when_due(struct lod_sequence *s)
+{
+    if (chain_graph_faces(s->graph) > s->slide_at)
+        return;
+    while (chain_graph_faces(s->graph) <= s->slide_at)
+        s->slide_at -= s->slide_at / 4 + 1;
+    slide_chains(s);
+}
+
 static void do_operation(struct lod_sequence *s, const struct operation *operation)
 {
     if (operation->error > s->error)
@@ -219,28 +261,40 @@ static void do_operation(struct lod_sequence *s, const struct operation *operati
     s->done++;
 }
 
+/* The next operation, if it is not dearer than `most_error`. */
+enum progress { PROGRESS_DONE, PROGRESS_PRICED, PROGRESS_TOO_DEAR, PROGRESS_NONE };
+
+static enum progress do_next(struct lod_sequence *s, double most_error)
+{
+    if (s->heap_count == 0) {
+        if (s->done == s->done_at_refill)
+            return PROGRESS_NONE;
+        refill(s);
+        return PROGRESS_PRICED;
+    }
+    uint32_t item = s->heap[0];
+    struct operation operation;
+    price(s, item, &operation);
+    if ((float)operation.key > s->keys[item]) {
+        heap_set(s, item, (float)operation.key);
+        return PROGRESS_PRICED;
+    }
+    if (operation.error > most_error)
+        return PROGRESS_TOO_DEAR;
+    do_operation(s, &operation);
+    return PROGRESS_DONE;
+}
+
 enum status lod_sequence_run(struct lod_sequence *s, uint64_t most_faces, double most_error)
 {
-    uint64_t begin = chain_graph_faces(s->graph), reported = s->done;
+    uint64_t begin = chain_graph_faces(s->graph), done = s->done, reported = done;
     while (chain_graph_faces(s->graph) > most_faces) {
-        if (s->heap_count == 0) {
-            if (s->done == s->done_at_refill) {
-                s->exhausted = true;
-                return STATUS_OK;
-            }
-            refill(s);
-            continue;
-        }
-        uint32_t item = s->heap[0];
-        if ((double)s->keys[item] > most_error)
-            return STATUS_OK;
-        struct operation operation;
-        price(s, item, &operation);
-        if ((float)operation.key > s->keys[item]) {
-            heap_set(s, item, (float)operation.key);
-            continue;
-        }
-        do_operation(s, &operation);
+        enum progress progress = do_next(s, most_error);
+        if (progress == PROGRESS_NONE)
+            s->exhausted = true;
+        if (progress == PROGRESS_NONE || progress == PROGRESS_TOO_DEAR)
+            break;
+        slide_when_due(s);
         if (s->done - reported >= STEP_OPERATIONS) {
             reported = s->done;
             enum status status = step(s->graph->ctx, "simplifying",
@@ -249,6 +303,8 @@ enum status lod_sequence_run(struct lod_sequence *s, uint64_t most_faces, double
                 return status;
         }
     }
+    if (s->done > done)
+        slide_chains(s);
     return STATUS_OK;
 }
 
@@ -279,6 +335,8 @@ enum status lod_sequence_begin(struct chain_graph *graph, const struct cost_opti
         }
     for (uint32_t i = 0; i < graph->patch_count; i++)
         s->keys[patch_item(s, i)] = INFINITY;
+    s->slide_at = chain_graph_faces(graph);
+    s->slide_at -= s->slide_at / 4 + 1;
     refill(s);
     s->done_at_refill = UINT64_MAX;
     return STATUS_OK;

@@ -27,6 +27,9 @@ static enum status read_value(struct context *ctx, const struct target *target,
                               const struct chain_info *info, double value, struct level *level)
 {
     *level = (struct level){.reason = STOP_REACHED};
+    if (target->kind != TARGET_ERROR && target->error_bound > 0)
+        level->wanted_error =
+            target->error_bound * (target->bound_is_relative ? box_diagonal(info) : 1);
     switch (target->kind) {
     case TARGET_FACES:
         if (!(value >= 1 && value < 0x1p63))
@@ -69,13 +72,59 @@ enum status lod_target_levels(struct context *ctx, const struct target *target,
     return STATUS_OK;
 }
 
+/* Errors are kept as float32 here and there: what is a rounding above is not above. */
+static bool is_above(double error, double bound)
+{
+    return error > bound * (1 + 1e-6);
+}
+
+double lod_error_bound(const struct level *level)
+{
+    return level->wanted_faces == 0 || level->wanted_error > 0 ? level->wanted_error : INFINITY;
+}
+
 enum stop_reason lod_stop_reason(const struct level *level, bool exhausted)
 {
+    if (is_above(level->error, lod_error_bound(level)))
+        return STOP_TOO_FINE;
     if (level->wanted_faces == 0)
-        return level->error > level->wanted_error ? STOP_TOO_FINE : STOP_REACHED;
+        return STOP_REACHED;
     if (level->faces > level->wanted_faces)
         return exhausted ? STOP_TOPOLOGY : STOP_ERROR;
     return level->faces + 1 >= level->wanted_faces ? STOP_REACHED : STOP_TOO_FINE;
+}
+
+/* Whether the chain file was made for as many faces. */
+static bool is_made_for(const struct chain_info *info, uint64_t faces)
+{
+    double most = 0;
+    for (uint32_t i = 0; i < info->target_count && info->target_kind != TARGET_ERROR; i++)
+        most = info->targets[i] > most ? info->targets[i] : most;
+    if (info->target_kind == TARGET_RATIO)
+        most *= (double)info->topology.faces;
+    return most >= (double)faces;
+}
+
+static enum status explain_too_fine(struct context *ctx, const struct chain_info *info,
+                                    uint32_t index, const struct level *level)
+{
+    if (is_above(level->error, lod_error_bound(level)))
+        return fail(ctx, STATUS_TARGET_MISSED,
+                    "level %u has an error of %.4g, not %.4g: the chain file's patches are no "
+                    "better; patchify with smaller --patch-angle and --face-angle",
+                    index, level->error, level->wanted_error);
+    if (level->wanted_faces > info->topology.faces)
+        return fail(ctx, STATUS_TARGET_MISSED,
+                    "level %u has %" PRIu64 " faces, not %" PRIu64
+                    ": more faces are asked for than the original's %" PRIu64,
+                    index, level->faces, level->wanted_faces, info->topology.faces);
+    return fail(ctx, STATUS_TARGET_MISSED,
+                "level %u has %" PRIu64 " faces, not %" PRIu64
+                ": the chain file has no more to give; patchify %s",
+                index, level->faces, level->wanted_faces,
+                is_made_for(info, level->wanted_faces)
+                    ? "with smaller --patch-angle and --face-angle"
+                    : "for this target");
 }
 
 enum status lod_target_verdict(struct context *ctx, const struct chain_info *info,
@@ -89,24 +138,8 @@ enum status lod_target_verdict(struct context *ctx, const struct chain_info *inf
                         ": no more can be taken away without changing the topology (floor: %" PRIu64
                         " faces)",
                         i, level->faces, level->wanted_faces, info->topology.floor);
-        if (level->reason == STOP_TOO_FINE && level->wanted_faces > 0)
-            return fail(ctx, STATUS_TARGET_MISSED,
-                        "level %u has %" PRIu64 " faces, not %" PRIu64
-                        ": the chain file has no more; make it by patchify --faces %" PRIu64
-                        " (the store has %" PRIu64 ")",
-                        i, level->faces, level->wanted_faces, level->wanted_faces,
-                        info->topology.faces);
         if (level->reason == STOP_TOO_FINE)
-            return fail(ctx, STATUS_TARGET_MISSED,
-                        "level %u has an error of %g, not %g: the chain file is that coarse; make it "
-                        "by patchify --error %g",
-                        i, level->error, level->wanted_error, level->wanted_error);
-        if (level->reason == STOP_ERROR && level->wanted_faces > 0 &&
-            level->faces > level->wanted_faces)
-            return fail(ctx, STATUS_TARGET_MISSED,
-                        "level %u has %" PRIu64 " faces, not %" PRIu64
-                        ": the error bound came first",
-                        i, level->faces, level->wanted_faces);
+            return explain_too_fine(ctx, info, i, level);
     }
     return STATUS_OK;
 }

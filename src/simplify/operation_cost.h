@@ -18,15 +18,23 @@ struct operation {
     double key;   /* place in the order: the error, made larger by what speaks against it */
 };
 
-/* Conditions (b) and (c) of section 4.2.6. */
 struct cost_options {
-    double patch_cosine; /* alpha1: patches whose normals agree so far may be merged */
+    double patch_cosine; /* alpha1 of section 4.2.6: normals agree when their cosine is above it */
 };
 
 /* The cheapest way to take a live vertex away, kind OPERATION_NONE (key INFINITY) when there is
  * none. */
 void vertex_cost(const struct chain_graph *graph, const struct cost_options *options,
                  uint32_t vertex, struct operation *best);
+
+/* Where else on its chain a live vertex would make the largest distance smaller. Considered are the
+ * vertices that its two edges replace, or its two sharp ones if all others are smooth. False: it
+ * is best where it is. */
+struct slide {
+    uint32_t in, out; /* half-edges of the chain, both from the vertex */
+    uint32_t to;
+};
+bool vertex_slide_find(const struct chain_graph *graph, uint32_t vertex, struct slide *slide);
 
 /* The cheapest merge of a live patch with a neighbour. */
 void patch_cost(const struct chain_graph *graph, const struct cost_options *options, uint32_t patch,

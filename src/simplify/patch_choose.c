@@ -1,12 +1,19 @@
 /*
- * Which patches fit a scan. Constant angles do not: scanner noise shatters patches that are grown on
- * raw normals, and smoothing a clean CAD part rounds off the edges that should bound its patches.
- * What is known of the store is its noise: the RMS distance of a vertex from its neighbours' mean
- * plane, as a fraction of the mean edge. On a clean, densely sampled surface it is about the edge's
- * angle on the curvature (below 0.1); on noisy scans and voxel terraces it is far above.
+ * Which patches fit a scan. Constant angles do not: scanner noise shatters patches that are grown
+ * on raw normals, and smoothing a CAD part rounds off the edges that should bound its patches.
+ *
+ * What a store knows of this is its noise: the RMS distance of a vertex from its neighbours' mean
+ * plane, in mean edges. Sharp edges count into it just as scanner noise does, but their share of
+ * the vertices falls with the square root of the number of faces F, and the RMS with the fourth
+ * root; so noise * F^(1/4) tells the two apart. It is 0.3 to 1.7 on clean scans and parts of all
+ * sizes, 2.1 for noise of 0.05 edges on a million faces, above 3.4 for 0.15 edges and for voxel
+ * terraces. Parts of long thin triangles reach the same values by their geometry, but not a scan's
+ * even triangles: the mean face measures 0.35 to 0.49 squared mean edges on scans, and 0.09 to 0.31
+ * on such parts.
  *
  * The angles are those that did best on real scans (DESIGN.md, prototype-sweep.tsv): mode collapse
- * wants fine patches, since what a patch loses is its bulge; mode classic the paper's, section 4.2.3.
+ * wants fine patches, since what a patch loses is its bulge; mode classic the paper's,
+ * section 4.2.3.
  *
  * Angles become cosines here, once, by a series in a fixed order: a libm may differ in the last bit
  * from machine to machine, and so would the patches.
@@ -15,9 +22,16 @@
 
 #include "simplify/simplify.h"
 
-/* Noise above which face normals are smoothed before patches grow on them. */
-static const double noise_smooth = 0.08;
-static const double noise_heavy = 0.16;
+static const double noisy_from = 1.9; /* noise * F^(1/4) */
+static const double even_from = 0.33; /* area / (F * mean edge squared) */
+
+/* Whether it is scanner noise (or voxel terraces) that makes the surface rough. */
+static bool is_noisy_scan(const struct store_info *info)
+{
+    double faces = (double)info->topology.faces;
+    double even_area = even_from * faces * info->mean_edge * info->mean_edge;
+    return info->noise * sqrt(sqrt(faces)) > noisy_from && info->area > even_area;
+}
 
 /* cos(x) or sin(x) for 0 <= x <= pi / 4, to rounding: Taylor's series, smallest terms first. */
 static double cosine_series(double x)
@@ -58,19 +72,14 @@ struct choice {
     uint32_t smoothings;
 };
 
-static struct choice choose_classic(double noise)
+static struct choice choose_classic(bool noisy)
 {
-    return (struct choice){.patch_angle = {25, 90},
-                           .face_angle = {20, 90},
-                           .smoothings = noise > noise_smooth};
+    return (struct choice){{25, 90}, {20, 90}, noisy ? 1 : 0};
 }
 
-static struct choice choose_collapse(double noise)
+static struct choice choose_collapse(bool noisy)
 {
-    if (noise > noise_heavy)
-        return (struct choice){
-            .patch_angle = {9, 90}, .face_angle = {8, 90}, .smoothings = 3};
-    return (struct choice){.patch_angle = {6, 90}, .face_angle = {5, 90}, .smoothings = 1};
+    return noisy ? (struct choice){{9, 90}, {8, 90}, 3} : (struct choice){{6, 90}, {5, 90}, 1};
 }
 
 static double diagonal(const struct store_info *info)
@@ -86,8 +95,9 @@ static double diagonal(const struct store_info *info)
 void patch_choose(const struct store_info *info, const struct target *target,
                   const struct patch_request *request, struct patch_options *options)
 {
-    struct choice choice = target->mode == MODE_CLASSIC ? choose_classic(info->noise)
-                                                        : choose_collapse(info->noise);
+    bool noisy = is_noisy_scan(info);
+    struct choice choice =
+        target->mode == MODE_CLASSIC ? choose_classic(noisy) : choose_collapse(noisy);
     for (unsigned i = 0; i < 2; i++) {
         double patch = request->patch_angle[i], face = request->face_angle[i];
         options->patch_cosine[i] = cosine_of_degrees(patch >= 0 ? patch : choice.patch_angle[i]);
@@ -99,6 +109,5 @@ void patch_choose(const struct store_info *info, const struct target *target,
     options->chain_tolerance = 0; /* all chain vertices are kept; lod simplifies them */
     if (request->chain_tolerance > 0)
         options->chain_tolerance =
-            request->chain_tolerance *
-            (request->chain_tolerance_is_relative ? diagonal(info) : 1);
+            request->chain_tolerance * (request->chain_tolerance_is_relative ? diagonal(info) : 1);
 }

@@ -5,8 +5,8 @@
  * border rises and falls: on a bent patch, like the quarter of a pipe, diagonals that run round the
  * bend make creases that the surface has not. Choosing diagonals in space from the start would lose
  * what makes ear cutting sure, so it is done first and its diagonals are improved one by one; the
- * triangles stay a tiling of the loop's inside at every step. The number of flips is bounded, as two
- * criteria with a tolerance between them need not have an end.
+ * triangles stay a tiling of the loop's inside at every step. The number of flips is bounded, as
+ * two criteria with a tolerance between them need not have an end.
  */
 #include "simplify/patch_flip.h"
 
@@ -44,8 +44,8 @@ static void edge_ends(const struct flipping *f, uint32_t c, uint32_t *low, uint3
     *high = a < b ? b : a;
 }
 
-/* Finds the mates: corners are put in order by the higher end, then stably by the lower, so that the
- * two of a diagonal follow each other. `first` has n + 1 places. */
+/* Finds the mates: corners are put in order by the higher end, then stably by the lower, so that
+ * the two of a diagonal follow each other. `first` has n + 1 places. */
 static void find_mates(struct flipping *f, uint32_t *order, uint32_t *other, uint32_t *first)
 {
     uint32_t corners = 3 * (f->n - 2), low, high;
@@ -88,8 +88,8 @@ static double opposite_sine(struct vec3 a, struct vec3 b, struct vec3 p, struct 
     struct vec3 pa = vec3_sub(a, p), pb = vec3_sub(b, p), qa = vec3_sub(a, q), qb = vec3_sub(b, q);
     double sine_p = vec3_length(vec3_cross(pa, pb)), sine_q = vec3_length(vec3_cross(qa, qb));
     double cosine_p = vec3_dot(pa, pb), cosine_q = vec3_dot(qa, qb);
-    double scale = sqrt((sine_p * sine_p + cosine_p * cosine_p) *
-                        (sine_q * sine_q + cosine_q * cosine_q));
+    double scale =
+        sqrt((sine_p * sine_p + cosine_p * cosine_p) * (sine_q * sine_q + cosine_q * cosine_q));
     return scale > 0 ? (sine_p * cosine_q + cosine_p * sine_q) / scale : 0;
 }
 
@@ -105,10 +105,10 @@ static bool is_better(const struct flipping *f, uint32_t a, uint32_t b, uint32_t
     double first = plane_turn(fp, origin, fq), second = plane_turn(fq, fb, fp);
     if (!(first > 1e-6 * whole && second > 1e-6 * whole))
         return false;
-    double before = vec3_length(triangle_normal(pa, pb, pp)) +
-                    vec3_length(triangle_normal(pb, pa, pq));
-    double after = vec3_length(triangle_normal(pp, pa, pq)) +
-                   vec3_length(triangle_normal(pq, pb, pp));
+    double before =
+        vec3_length(triangle_normal(pa, pb, pp)) + vec3_length(triangle_normal(pb, pa, pq));
+    double after =
+        vec3_length(triangle_normal(pp, pa, pq)) + vec3_length(triangle_normal(pq, pb, pp));
     if (after < before * (1 - AREA_TOLERANCE))
         return true;
     if (after > before * (1 + AREA_TOLERANCE))
@@ -136,8 +136,8 @@ static void flip(struct flipping *f, uint32_t c)
     set_mate(f, b_to_p, a_to_q);
 }
 
-enum status patch_flip(struct context *ctx, struct flip_room *room, const double *points, uint32_t n,
-                       const double normal[3],
+enum status patch_flip(struct context *ctx, struct flip_room *room, const double *points,
+                       uint32_t n, const double normal[3],
                        bool (*diagonal_allowed)(void *user, uint32_t i, uint32_t j), void *user,
                        uint32_t *triangles)
 {

@@ -20,8 +20,8 @@ struct flip_room {
  * Only where both new triangles have positive area seen along `normal`, and only to diagonals that
  * are allowed (see triangulate.h). Points: 3 doubles a corner.
  */
-enum status patch_flip(struct context *ctx, struct flip_room *room, const double *points, uint32_t n,
-                       const double normal[3],
+enum status patch_flip(struct context *ctx, struct flip_room *room, const double *points,
+                       uint32_t n, const double normal[3],
                        bool (*diagonal_allowed)(void *user, uint32_t i, uint32_t j), void *user,
                        uint32_t *triangles) MUST_CHECK;
 

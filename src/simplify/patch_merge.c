@@ -2,15 +2,15 @@
  * Operations on the chain graph.
  *
  * The dissertation deletes junctions of degree two as they come and tests a collapse by condition
- * (a) alone. That lets two chains become the same edge, a patch shrink to two corners, or a handle be
- * pinched off: non-manifold output, which then has to be mended. Here nothing is mended: an
+ * (a) alone. That lets two chains become the same edge, a patch shrink to two corners, or a handle
+ * be pinched off: non-manifold output, which then has to be mended. Here nothing is mended: an
  * operation that would leave the invariants is not done. All tests are local; where they walk round
  * a vertex or along a loop they take the shorter way, so that vertices with very many edges and
  * patches with very many corners do not make them slow.
  */
 #include "simplify/patch_merge.h"
 
-#include "geom/polyline.h"
+#include "simplify/chain_simplify.h"
 
 /* More replaced vertices than this are thinned out. */
 enum { LIST_MAX = 64, LIST_FORCED = 1024 };
@@ -59,9 +59,8 @@ static void list_thin(struct chain_graph *graph, uint32_t edge)
         uint32_t v = graph->list[before], after = graph->list[v];
         if (after == NO_INDEX)
             break;
-        double distance = vec3_length(segment_offset(vertex_point(graph, v),
-                                                     vertex_point(graph, before),
-                                                     vertex_point(graph, after)));
+        double distance = vec3_length(segment_offset(
+            vertex_point(graph, v), vertex_point(graph, before), vertex_point(graph, after)));
         if (distance <= LIST_FINENESS * length || record->count > LIST_FORCED) {
             graph->list[before] = after;
             record->count--;
@@ -160,8 +159,8 @@ static void patch_keep_half_edge(struct chain_graph *graph, uint32_t lost, uint3
 void vertex_remove(struct chain_graph *graph, uint32_t v)
 {
     struct half_edge *half_edges = graph->half_edges;
-    uint32_t h = graph->outgoing[v], t = h ^ 1;                /* v to b, and back */
-    uint32_t in = half_edges[h].previous, out = in ^ 1;        /* a to v, and back */
+    uint32_t h = graph->outgoing[v], t = h ^ 1;         /* v to b, and back */
+    uint32_t in = half_edges[h].previous, out = in ^ 1; /* a to v, and back */
     uint32_t b = half_edges[t].origin, before = graph->edges[in / 2].count;
     bool open = !(graph->flags[v] & VERTEX_JUNCTION);
 
@@ -273,8 +272,27 @@ bool edge_can_collapse(const struct chain_graph *graph, uint32_t h)
     return true;
 }
 
-/* The patch at `h`'s left has shrunk to the half-edges h and g, its next: drops it and makes one edge
- * of the two; the one of h stays, and h takes the place of g's other side. */
+/* A border, or an edge between patches that meet at a sharp angle. */
+static bool edge_is_sharp(const struct chain_graph *graph, uint32_t edge)
+{
+    uint32_t left = graph->half_edges[2 * edge].patch,
+             right = graph->half_edges[2 * edge + 1].patch;
+    if (left == NO_PATCH || right == NO_PATCH)
+        return true;
+    struct chain_metric metric =
+        chain_metric_between(patch_normal(graph, left), patch_normal(graph, right));
+    return metric.lateral >= CHAIN_SHARP_LATERAL;
+}
+
+/* Gives an edge that is gone to a patch, which may need a vertex of its list. */
+static void put_dissolved(struct chain_graph *graph, uint32_t patch, uint32_t edge)
+{
+    graph->half_edges[2 * edge].next = graph->patches[patch].dissolved;
+    graph->patches[patch].dissolved = edge;
+}
+
+/* The patch at `h`'s left has shrunk to the half-edges h and g, its next: drops it and makes one
+ * edge of the two; the one of h stays, and h takes the place of g's other side. */
 static void drop_slit(struct chain_graph *graph, uint32_t h)
 {
     struct half_edge *half_edges = graph->half_edges;
@@ -290,7 +308,16 @@ static void drop_slit(struct chain_graph *graph, uint32_t h)
         graph->outgoing[to] = h ^ 1;
     link_after(graph, half_edges[outer].previous, h);
     link_after(graph, h, half_edges[outer].next);
-    list_join(graph, &graph->edges[h / 2], &graph->edges[g / 2]);
+    /* Where one of the edges is sharp and the other is not, the patch was part of what lies beyond
+     * the other, and that is no chain any more. */
+    bool keeps = edge_is_sharp(graph, h / 2), joins = edge_is_sharp(graph, g / 2);
+    if (joins && !keeps) {
+        struct edge_record record = graph->edges[h / 2];
+        graph->edges[h / 2] = graph->edges[g / 2];
+        graph->edges[g / 2] = record;
+    } else if (joins == keeps) {
+        list_join(graph, &graph->edges[h / 2], &graph->edges[g / 2]);
+    }
     edge_drop(graph, g / 2);
     half_edges[h].patch = beside;
     if (beside == NO_PATCH)
@@ -300,6 +327,7 @@ static void drop_slit(struct chain_graph *graph, uint32_t h)
 
     /* What the patch was made of goes to a neighbour, which may need a vertex of it. */
     uint32_t heir = beside != NO_PATCH ? beside : half_edges[h ^ 1].patch;
+    put_dissolved(graph, heir, g / 2);
     uint32_t after = graph->patches[patch].member;
     graph->patches[patch].member = graph->patches[heir].member;
     graph->patches[heir].member = after;
@@ -307,14 +335,28 @@ static void drop_slit(struct chain_graph *graph, uint32_t h)
     graph->live_patches--;
 }
 
+static void make_junction(struct chain_graph *graph, uint32_t v)
+{
+    uint32_t first = graph->outgoing[v], h = first;
+    graph->flags[v] |= VERTEX_JUNCTION;
+    do {
+        if (graph->half_edges[h].patch != NO_PATCH)
+            graph->patches[graph->half_edges[h].patch].open--;
+        h = half_edge_turn(graph, h);
+    } while (h != first);
+}
+
 void edge_collapse(struct chain_graph *graph, uint32_t h, uint32_t vertex_to, uint32_t list_to)
 {
     struct half_edge *half_edges = graph->half_edges;
     uint32_t t = h ^ 1, gone = half_edges[h].origin, kept = half_edges[t].origin;
     uint32_t after_h = half_edges[h].next, after_t = half_edges[t].next;
-    uint32_t before[2] = {graph->edges[vertex_to].count, graph->edges[list_to].count};
+    uint32_t before[2] = {graph->edges[vertex_to].count,
+                          list_to == NO_INDEX ? 0 : graph->edges[list_to].count};
     bool open = !(graph->flags[gone] & VERTEX_JUNCTION);
 
+    if (!open && !(graph->flags[kept] & VERTEX_JUNCTION))
+        make_junction(graph, kept);
     for (uint32_t g = half_edge_turn(graph, h); g != h; g = half_edge_turn(graph, g)) {
         half_edges[g].origin = kept;
         note_length(graph, g / 2);
@@ -329,7 +371,8 @@ void edge_collapse(struct chain_graph *graph, uint32_t h, uint32_t vertex_to, ui
         graph->outgoing[kept] = half_edges[t].patch == NO_PATCH ? after_t : after_h;
     graph->outgoing[gone] = NO_INDEX;
     list_append(graph, &graph->edges[vertex_to], gone);
-    list_join(graph, &graph->edges[list_to], &graph->edges[h / 2]);
+    if (list_to != NO_INDEX)
+        list_join(graph, &graph->edges[list_to], &graph->edges[h / 2]);
     edge_drop(graph, h / 2);
 
     if (loop_has_size(graph, after_h, 2))
@@ -338,8 +381,12 @@ void edge_collapse(struct chain_graph *graph, uint32_t h, uint32_t vertex_to, ui
         drop_slit(graph, after_t);
     if (edge_is_live(graph, vertex_to))
         list_limit(graph, vertex_to, before[0]);
-    if (list_to != vertex_to && edge_is_live(graph, list_to))
+    if (list_to != vertex_to && list_to != NO_INDEX && edge_is_live(graph, list_to))
         list_limit(graph, list_to, before[1]);
+    uint32_t around = graph->half_edges[graph->outgoing[kept]].patch;
+    if (around == NO_PATCH)
+        around = graph->half_edges[graph->outgoing[kept] ^ 1].patch;
+    put_dissolved(graph, around, h / 2);
 }
 
 /* ---- merging patches ---- */
@@ -368,8 +415,8 @@ static uint32_t chain_last(const struct chain_graph *graph, uint32_t h)
     return g;
 }
 
-/* Does the rest of a loop, from half-edge g to before `end`, touch the other patch, in more than the
- * two vertices where it begins and ends? */
+/* Does the rest of a loop, from half-edge g to before `end`, touch the other patch, in more than
+ * the two vertices where it begins and ends? */
 static bool rest_touches(const struct chain_graph *graph, uint32_t g, uint32_t end, uint32_t other)
 {
     const struct half_edge *half_edges = graph->half_edges;
@@ -519,7 +566,10 @@ uint32_t patches_merge(struct chain_graph *graph, uint32_t h, double deviation)
 
     mix_normals(into, from);
     into->area += from->area;
-    into->deviation = (float)deviation;
+    if (from->deviation > into->deviation)
+        into->deviation = from->deviation;
+    if ((float)deviation > into->deviation)
+        into->deviation = (float)deviation;
     into->size += from->size - 2 * edges;
     into->open += from->open - 2 * open_inside;
     if (from->longest > into->longest)
@@ -531,4 +581,37 @@ uint32_t patches_merge(struct chain_graph *graph, uint32_t h, double deviation)
     from->half_edge = NO_INDEX;
     graph->live_patches--;
     return kept;
+}
+
+/* ---- moving a vertex along its chain ---- */
+
+void vertex_slide(struct chain_graph *graph, uint32_t v, uint32_t in, uint32_t out, uint32_t to)
+{
+    struct edge_record *records[2] = {&graph->edges[in / 2], &graph->edges[out / 2]};
+    struct vec3 ends[2] = {vertex_point(graph, half_edge_end(graph, in)),
+                           vertex_point(graph, half_edge_end(graph, out))};
+    struct vec3 middle = vertex_point(graph, to);
+    struct edge_record all = *records[0];
+    list_join(graph, &all, records[1]);
+    list_append(graph, &all, v);
+    for (int i = 0; i < 2; i++)
+        *records[i] = (struct edge_record){NO_INDEX, NO_INDEX, 0, all.slack};
+    for (uint32_t w = all.first, after; w != NO_INDEX; w = after) {
+        after = graph->list[w];
+        if (w == to)
+            continue;
+        struct vec3 p = vertex_point(graph, w);
+        double first = vec3_length_squared(segment_offset(p, ends[0], middle));
+        double second = vec3_length_squared(segment_offset(p, middle, ends[1]));
+        list_append(graph, records[second < first], w);
+    }
+    graph->outgoing[to] = graph->outgoing[v];
+    graph->outgoing[v] = NO_INDEX;
+    graph->flags[to] = graph->flags[v];
+    uint32_t h = graph->outgoing[to];
+    do {
+        graph->half_edges[h].origin = to;
+        note_length(graph, h / 2);
+        h = half_edge_turn(graph, h);
+    } while (h != graph->outgoing[to]);
 }

@@ -1,8 +1,8 @@
 /*
  * Triangulating the patches of a level.
  *
- * Each patch by itself is easy: geom/triangulate.h cuts its ears in the plane of its normal. But two
- * patches that have two vertices in common, which is usual at coarse levels, may both want the
+ * Each patch by itself is easy: geom/triangulate.h cuts its ears in the plane of its normal. But
+ * two patches that have two vertices in common, which is usual at coarse levels, may both want the
  * diagonal between them, or one may want what is an edge of the graph already; then four faces
  * meet at an edge. Triangulating first and mending afterwards has no end that one could prove. So
  * patches are cut one after the other, lowest number first, and each is told which diagonals are
@@ -116,10 +116,9 @@ static bool ear_is_the_others(const struct asking *asking, uint32_t middle)
                                                                  : graph->half_edges[h].patch;
     if (patch == NO_PATCH)
         return false;
-    struct vec3 ear = triangle_normal(
-        vec3_load(level->points + 3 * (size_t)((middle + n - 1) % n)),
-        vec3_load(level->points + 3 * (size_t)middle),
-        vec3_load(level->points + 3 * (size_t)((middle + 1) % n)));
+    struct vec3 ear = triangle_normal(vec3_load(level->points + 3 * (size_t)((middle + n - 1) % n)),
+                                      vec3_load(level->points + 3 * (size_t)middle),
+                                      vec3_load(level->points + 3 * (size_t)((middle + 1) % n)));
     double mine = vec3_dot(ear, patch_normal(graph, asking->patch));
     double others = -vec3_dot(ear, patch_normal(graph, patch));
     return others > mine || (others == mine && patch < asking->patch);
@@ -256,9 +255,8 @@ static uint32_t spare_near(const struct chain_graph *graph, uint32_t patch)
 
 static enum status take_spare(struct level_faces *level, uint32_t v)
 {
-    enum status status =
-        memory_reserve(level->graph->ctx, &level->spares, &level->spare_capacity,
-                       level->spare_count + 1, sizeof *level->spares);
+    enum status status = memory_reserve(level->graph->ctx, &level->spares, &level->spare_capacity,
+                                        level->spare_count + 1, sizeof *level->spares);
     if (status != STATUS_OK)
         return status;
     level->spares[level->spare_count++] = v;
@@ -280,8 +278,8 @@ static enum status read_loop(struct level_faces *level, uint32_t patch)
     const struct chain_graph *graph = level->graph;
     struct context *ctx = graph->ctx;
     uint32_t n = graph->patches[patch].size, first = graph->patches[patch].half_edge, h = first;
-    enum status status = memory_reserve(ctx, &level->corners, &level->corner_capacity, n,
-                                        sizeof *level->corners);
+    enum status status =
+        memory_reserve(ctx, &level->corners, &level->corner_capacity, n, sizeof *level->corners);
     if (status == STATUS_OK)
         status = memory_reserve(ctx, &level->points, &level->point_capacity, 3 * (size_t)n,
                                 sizeof *level->points);
@@ -400,8 +398,8 @@ enum status patch_triangulate(struct chain_graph *graph, struct level_faces *lev
     if (!level->first_faces)
         status = memory_take(ctx, patches, sizeof *level->first_faces, &level->first_faces);
     if (status == STATUS_OK)
-        status = memory_reserve(ctx, &level->faces, &level->capacity, 3 * faces,
-                                sizeof *level->faces);
+        status =
+            memory_reserve(ctx, &level->faces, &level->capacity, 3 * faces, sizeof *level->faces);
     for (uint32_t i = 0; i < patches && status == STATUS_OK; i++)
         if (graph->patches[i].half_edge != NO_INDEX)
             status = reserve_own(level, i);
@@ -438,9 +436,9 @@ static enum status split_nearest(struct level_faces *level, size_t first, size_t
     double least = INFINITY;
     for (size_t f = first; f < end; f++) {
         const uint32_t *face = level->faces + 3 * f;
-        struct vec3 sum = vec3_add(vec3_add(vertex_point(graph, face[0]),
-                                            vertex_point(graph, face[1])),
-                                   vertex_point(graph, face[2]));
+        struct vec3 sum =
+            vec3_add(vec3_add(vertex_point(graph, face[0]), vertex_point(graph, face[1])),
+                     vertex_point(graph, face[2]));
         double distance = vec3_distance_squared(vec3_scale(sum, 1.0 / 3), vertex_point(graph, v));
         if (distance < least) {
             least = distance;
@@ -469,8 +467,8 @@ enum status patch_refine(struct level_faces *level, uint64_t pairs)
             break;
         size_t end = after < graph->patch_count ? level->first_faces[after] : whole;
         if (end > level->first_faces[patch])
-            status = split_nearest(level, level->first_faces[patch], end,
-                                   spare_of_patch(graph, patch));
+            status =
+                split_nearest(level, level->first_faces[patch], end, spare_of_patch(graph, patch));
     }
     return status;
 }

@@ -43,9 +43,9 @@ struct level_faces {
 };
 
 /*
- * Triangulates every live patch. Depends on the graph alone. Vertices are those of the graph, and of
- * patches that could not be cut without a diagonal that is taken, one more that no one else uses:
- * one inside the patch, or one that was removed from its chains, or from a neighbour's.
+ * Triangulates every live patch. Depends on the graph alone. Vertices are those of the graph, and
+ * of patches that could not be cut without a diagonal that is taken, one more that no one else
+ * uses: one inside the patch, or one that was removed from its chains, or from a neighbour's.
  */
 enum status patch_triangulate(struct chain_graph *graph, struct level_faces *level) MUST_CHECK;
 

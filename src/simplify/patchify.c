@@ -11,19 +11,20 @@
  *     edges with the same ends would be left.
  * With one shared edge and the apex in P the boundary would pass the apex twice (the paper's pinch
  * test (a)); with three shared edges F is all that is left of a closed surface. The argument uses
- * no property of the mesh round a vertex, so it holds at mesh borders and at the slab's border, too.
+ * no property of the mesh round a vertex, so it holds at mesh borders and at the slab's border,
+ * too.
  *
- * Faces are taken away in one place only: the face T at hand has two free neighbours of which one is
- * infeasible. Then T shares one edge with the rest of P: a face that has been expanded stays for
+ * Faces are taken away in one place only: the face T at hand has two free neighbours of which one
+ * is infeasible. Then T shares one edge with the rest of P: a face that has been expanded stays for
  * good, and T's parent has been. No other face of P touches T's apex, for it could have come only
  * over one of T's two edges there, which are free. So taking T away and unmarking its apex gives
- * back a patch that was allowed before. Each face is added by one that stays, over one of its edges,
- * so all this ends, in linear time. The seed is never taken away: with two free neighbours it adds
- * those that are feasible.
+ * back a patch that was allowed before. Each face is added by one that stays, over one of its
+ * edges, so all this ends, in linear time. The seed is never taken away: with two free neighbours
+ * it adds those that are feasible.
  *
  * Seeds by the plain reading of the paper (some neighbour of the last patch, first in first out)
- * run round the whole surface; here the front stays where the store's order is, by a tree of bitmaps
- * that gives the lowest candidate in constant time.
+ * run round the whole surface; here the front stays where the store's order is, by a tree of
+ * bitmaps that gives the lowest candidate in constant time.
  */
 #include "simplify/patchify.h"
 
@@ -186,8 +187,7 @@ static inline bool fits(const struct growth *growth, uint32_t from, uint32_t lin
 {
     const float *normal = growth->normals + NORMAL_STRIDE * (size_t)(link >> 2);
     const float *neighbour = growth->normals + NORMAL_STRIDE * (size_t)from;
-    float face_dot =
-        normal[0] * neighbour[0] + normal[1] * neighbour[1] + normal[2] * neighbour[2];
+    float face_dot = normal[0] * neighbour[0] + normal[1] * neighbour[1] + normal[2] * neighbour[2];
     if (!(face_dot >= growth->face_cosine[further]))
         return false;
 
@@ -200,10 +200,12 @@ static inline bool fits(const struct growth *growth, uint32_t from, uint32_t lin
     return dot >= 0 || dot * dot <= bound;
 }
 
-static inline bool is_feasible(const struct growth *growth, uint32_t from, uint32_t link)
+/* *further is set in any case. */
+static inline bool is_feasible(const struct growth *growth, uint32_t from, uint32_t link,
+                               unsigned *further)
 {
-    unsigned further = further_edges(growth, link);
-    return keeps_disk(growth, link, further) && fits(growth, from, link, further);
+    *further = further_edges(growth, link);
+    return keeps_disk(growth, link, *further) && fits(growth, from, link, *further);
 }
 
 static inline void add_weighted(struct growth *growth, uint32_t face, double sign)
@@ -255,10 +257,11 @@ static inline void expand_two(struct growth *growth, uint32_t face, unsigned sha
 {
     uint32_t one = growth->links[3 * (size_t)face + next3(shared)];
     uint32_t two = growth->links[3 * (size_t)face + previous3(shared)];
-    if (is_feasible(growth, face, one) && is_feasible(growth, face, two)) {
-        unsigned further_one = further_edges(growth, one);
+    unsigned further_one, further_two;
+    if (is_feasible(growth, face, one, &further_one) &&
+        is_feasible(growth, face, two, &further_two)) {
         add(growth, one, further_one);
-        unsigned further_two = further_edges(growth, two);
+        further_two = further_edges(growth, two);
         if (keeps_disk(growth, two, further_two)) {
             add(growth, two, further_two);
             return;
@@ -274,9 +277,10 @@ static inline void expand_each(struct growth *growth, uint32_t face)
 {
     for (unsigned k = 0; k < 3; k++) {
         uint32_t link = growth->links[3 * (size_t)face + k];
+        unsigned further;
         if (is_free(growth, link) && growth->size < growth->most_faces &&
-            is_feasible(growth, face, link))
-            add(growth, link, further_edges(growth, link));
+            is_feasible(growth, face, link, &further))
+            add(growth, link, further);
     }
 }
 
@@ -311,8 +315,8 @@ static void grow_patch(struct growth *growth, uint32_t seed)
     }
 }
 
-/* Ends the patch: its vertices are unmarked, its faces are candidates no more, the free faces beside
- * it are. */
+/* Ends the patch: its vertices are unmarked, its faces are candidates no more, the free faces
+ * beside it are. */
 static void finish_patch(struct growth *growth)
 {
     for (uint32_t i = 0; i < growth->tail; i++) {
@@ -391,14 +395,6 @@ static enum status reserve(struct context *ctx, struct patch_workspace *space)
     if (status)
         release_arrays(ctx, space);
     return status;
-}
-
-uint64_t patch_workspace_size(uint32_t faces, uint32_t vertices)
-{
-    return (uint64_t)faces * (6 * sizeof(uint32_t) + 2 * NORMAL_STRIDE * sizeof(float)) +
-           ((uint64_t)faces + QUEUE_SIZE) * sizeof(uint32_t) +
-           (bit_tree_words(faces) + words_for(vertices)) * sizeof(uint64_t) +
-           (uint64_t)vertices * (3 * sizeof(float));
 }
 
 void patch_workspace_clear(struct context *ctx, struct patch_workspace *space)

@@ -20,15 +20,13 @@ struct patch_workspace {
     struct slab_local local;
     float *normals; /* face_normals.h */
     float *spare;
-    uint32_t *queue;        /* the patch being grown, in order of adding */
-    uint64_t *marked;       /* a bit a local vertex: belongs to the patch being grown */
-    uint64_t *candidates;   /* a bit a face: free, beside a finished patch; a tree of bitmaps */
+    uint32_t *queue;      /* the patch being grown, in order of adding */
+    uint64_t *marked;     /* a bit a local vertex: belongs to the patch being grown */
+    uint64_t *candidates; /* a bit a face: free, beside a finished patch; a tree of bitmaps */
     size_t face_capacity;
     size_t vertex_capacity;
 };
 
-/* Bytes that a workspace takes for slabs of that size. */
-uint64_t patch_workspace_size(uint32_t faces, uint32_t vertices);
 void patch_workspace_clear(struct context *ctx, struct patch_workspace *space);
 
 /*

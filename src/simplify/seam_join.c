@@ -10,16 +10,14 @@
  *      a patch's boundary has) and are followed from junction to junction;
  *   4. by slab: what each block gets.
  *
- * A vertex where just two seam edges meet and nothing else has the same two patches on both, so step
- * 3 never loses a chain. All orders are by number, so the result depends on the blocks alone.
+ * A vertex where just two seam edges meet and nothing else has the same two patches on both, so
+ * step 3 never loses a chain. All orders are by number, so the result depends on the blocks alone.
  */
-#include "simplify/seam_join.h"
+#include "simplify/seam_internal.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/external_sort.h"
-#include "base/file.h"
 #include "base/memory.h"
 
 /* Step 2: something that ends at a vertex. */
@@ -35,59 +33,6 @@ enum {
     END_LEAVES = 0,  /* a seam edge that starts here, the lower slab on its left */
     END_ARRIVES = 1, /* one that ends here; its other fields are not used */
     END_CHAIN = 2    /* a chain inside some slab */
-};
-
-/* Step 3: an edge between two patches of different slabs. */
-struct pair_edge {
-    uint64_t left;  /* slab << 32 | patch; the lower slab */
-    uint64_t right; /* likewise */
-    uint32_t from, to; /* store vertices, the left patch on the left */
-    uint32_t from_junction; /* 0 or 1 */
-    uint32_t unused;
-};
-
-/* Step 4: a vertex of a seam chain, as one slab sees it. */
-struct chain_vertex {
-    uint64_t side;  /* slab << 32 | its own patch */
-    uint64_t place; /* number of the chain << PLACE_SHIFT | place on it */
-    uint32_t vertex;
-    uint32_t other_slab, other_patch;
-    uint32_t count; /* vertices of the chain */
-};
-
-enum { PLACE_SHIFT = 20 }; /* a boundary has far fewer than 2^20 edges */
-
-/* What is remembered of each slab. */
-struct slab_part {
-    uint64_t vertex_offset; /* into the spools, in vertices */
-    uint32_t vertex_count;
-    uint32_t junction_count; /* of the block: the number of its first seam vertex */
-};
-
-struct seam_join {
-    struct context *ctx;
-    const char *beside;
-    uint64_t sorter_limit;
-    uint32_t slab_count;
-    uint32_t slabs_added;
-    uint32_t slabs_given;
-    struct slab_part *parts;
-    struct spool vertex_spool, position_spool; /* of all slabs' seam vertices, slab after slab */
-    const uint32_t *vertices;
-    const float *positions;
-    struct sorter *edges, *ends, *pairs, *chains;
-    /* the edges of one pair of patches, and one chain: reused */
-    struct pair_edge *group;
-    size_t group_capacity;
-    uint32_t *next; /* of each edge of the group */
-    size_t next_capacity;
-    uint32_t *list;
-    size_t list_capacity;
-    uint64_t chain_count;
-    /* the record of step 4 that belongs to the next slab */
-    const struct chain_vertex *pending;
-    size_t pending_count;
-    size_t pending_place;
 };
 
 /* ---- a sorter read one record at a time ---- */
@@ -319,177 +264,7 @@ static enum status find_junctions(struct seam_join *join, struct seam_counts *co
     return status;
 }
 
-/* ---- step 3: chains ---- */
-
-/* Adds the chain over the `count` vertices in join->list, which is walked with `edge->left` on its
- * left, to both its slabs. */
-static enum status add_chain(struct seam_join *join, const struct pair_edge *edge, size_t count)
-{
-    if (count >> PLACE_SHIFT)
-        return fail(join->ctx, STATUS_BAD_INPUT, "mesh store: a seam chain of %zu vertices", count);
-    uint64_t first_place = join->chain_count++ << PLACE_SHIFT;
-    enum status status = STATUS_OK;
-    for (size_t i = 0; i < count && !status; i++) {
-        struct chain_vertex views[2] = {
-            {.side = edge->left,
-             .place = first_place + i,
-             .vertex = join->list[i],
-             .other_slab = (uint32_t)(edge->right >> 32),
-             .other_patch = (uint32_t)edge->right,
-             .count = (uint32_t)count},
-            {.side = edge->right,
-             .place = first_place + (count - 1 - i),
-             .vertex = join->list[i],
-             .other_slab = (uint32_t)(edge->left >> 32),
-             .other_patch = (uint32_t)edge->left,
-             .count = (uint32_t)count},
-        };
-        status = sorter_add(join->chains, views, 2);
-    }
-    return status;
-}
-
-static int compare_vertex(const void *key, const void *element)
-{
-    uint32_t a = *(const uint32_t *)key, b = *(const uint32_t *)element;
-    return a < b ? -1 : a > b;
-}
-
-/* Place of a store vertex among the slab's seam vertices; the count when it is not there. */
-static uint32_t find_vertex(const struct seam_join *join, uint32_t slab, uint32_t vertex)
-{
-    const struct slab_part *part = join->parts + slab;
-    const uint32_t *first = join->vertices + part->vertex_offset;
-    const uint32_t *found =
-        bsearch(&vertex, first, part->vertex_count, sizeof vertex, compare_vertex);
-    return found ? (uint32_t)(found - first) : part->vertex_count;
-}
-
-static enum status unknown_vertex(struct seam_join *join, uint32_t slab, uint32_t vertex)
-{
-    return fail(join->ctx, STATUS_BAD_INPUT, "mesh store: vertex %u is not on a seam of slab %u",
-                vertex, slab);
-}
-
-/* A seam loop without junctions, all of whose edges lie between the same two patches: it gets
- * three. join->list holds its `count` vertices. */
-static enum status cut_closed_loop(struct seam_join *join, const struct pair_edge *edge,
-                                   size_t count, struct seam_counts *counts)
-{
-    struct context *ctx = join->ctx;
-    uint32_t slab = (uint32_t)(edge->left >> 32);
-    if (count < 3)
-        return fail(ctx, STATUS_BAD_INPUT, "mesh store: two patches share a loop of two edges");
-    float *positions = NULL;
-    uint32_t *loop = NULL;
-    enum status status = memory_take(ctx, count, 3 * sizeof *positions, &positions);
-    if (!status)
-        status = memory_take(ctx, count, sizeof *loop, &loop);
-    if (status)
-        goto end;
-    memcpy(loop, join->list, count * sizeof *loop);
-    for (size_t i = 0; i < count; i++) {
-        uint32_t place = find_vertex(join, slab, loop[i]);
-        if (place == join->parts[slab].vertex_count) {
-            status = unknown_vertex(join, slab, loop[i]);
-            goto end;
-        }
-        memcpy(positions + 3 * i,
-               join->positions + 3 * (join->parts[slab].vertex_offset + place),
-               3 * sizeof *positions);
-    }
-    size_t chosen[3];
-    loop_choose_three(count, positions, loop, chosen);
-    counts->junctions += 3;
-    for (unsigned i = 0; i < 3 && !status; i++) {
-        size_t to = i == 2 ? chosen[0] + count : chosen[i + 1], length = 0;
-        for (size_t j = chosen[i]; j <= to; j++)
-            join->list[length++] = loop[j % count];
-        status = add_chain(join, edge, length);
-    }
-end:
-    memory_release(ctx, &positions, count, 3 * sizeof *positions);
-    memory_release(ctx, &loop, count, sizeof *loop);
-    return status;
-}
-
-/* Links the group's edges, which are ascending by `from`: next[i] is the edge that starts where i
- * ends, or `count`. */
-static enum status link_group(struct seam_join *join, size_t count)
-{
-    enum status status = memory_reserve(join->ctx, &join->next, &join->next_capacity, count,
-                                        sizeof *join->next);
-    if (!status) /* a closed loop's chains repeat one vertex at most */
-        status = memory_reserve(join->ctx, &join->list, &join->list_capacity, count + 1,
-                                sizeof *join->list);
-    if (status)
-        return status;
-    const struct pair_edge *group = join->group;
-    for (size_t i = 0; i < count; i++) {
-        if (i && group[i].from == group[i - 1].from)
-            return fail(join->ctx, STATUS_BAD_INPUT,
-                        "mesh store: the boundary of a patch passes vertex %u twice",
-                        group[i].from);
-        size_t low = 0, high = count;
-        while (low < high) {
-            size_t middle = low + (high - low) / 2;
-            if (group[middle].from < group[i].to)
-                low = middle + 1;
-            else
-                high = middle;
-        }
-        join->next[i] = (uint32_t)(low < count && group[low].from == group[i].to ? low : count);
-    }
-    return STATUS_OK;
-}
-
-/* Follows the group from `edge` to a junction, or round to where it began; visited edges lose their
- * link and are marked by from_junction 2. */
-static size_t follow(struct seam_join *join, size_t count, size_t edge, bool *closed)
-{
-    struct pair_edge *group = join->group;
-    size_t length = 0, first = edge;
-    join->list[length++] = group[edge].from;
-    *closed = false;
-    for (;;) {
-        group[edge].from_junction = 2;
-        size_t next = join->next[edge];
-        if (next == first) { /* only from an edge that does not start at a junction */
-            *closed = true;
-            return length;
-        }
-        join->list[length++] = group[edge].to;
-        if (next == count || group[next].from_junction)
-            return length;
-        edge = next;
-    }
-}
-
-static enum status make_chains(struct seam_join *join, size_t count, struct seam_counts *counts)
-{
-    enum status status = link_group(join, count);
-    for (size_t i = 0; i < count && !status; i++) {
-        if (join->group[i].from_junction != 1)
-            continue;
-        bool closed;
-        size_t length = follow(join, count, i, &closed);
-        if (closed)
-            return fail(join->ctx, STATUS_BAD_INPUT,
-                        "mesh store: a seam chain ends at the junction that it began at");
-        status = add_chain(join, &join->group[i], length);
-    }
-    for (size_t i = 0; i < count && !status; i++) {
-        if (join->group[i].from_junction != 0)
-            continue;
-        bool closed;
-        size_t length = follow(join, count, i, &closed);
-        if (!closed)
-            return fail(join->ctx, STATUS_BAD_INPUT,
-                        "mesh store: a seam chain begins at no junction");
-        status = cut_closed_loop(join, &join->group[i], length, counts);
-    }
-    return status;
-}
+/* ---- step 3: pairs of patches ---- */
 
 static enum status link_pairs(struct seam_join *join, struct seam_counts *counts)
 {
@@ -504,9 +279,9 @@ static enum status link_pairs(struct seam_join *join, struct seam_counts *counts
         struct pair_edge edge = {0};
         if (record)
             memcpy(&edge, record, sizeof edge);
-        if (count && (!record || edge.left != join->group[0].left ||
-                      edge.right != join->group[0].right)) {
-            status = make_chains(join, count, counts);
+        if (count &&
+            (!record || edge.left != join->group[0].left || edge.right != join->group[0].right)) {
+            status = seam_link_group(join, count, counts);
             count = 0;
         }
         if (status || !record)
@@ -550,6 +325,26 @@ enum status seam_join_link(struct seam_join *join, struct seam_counts *counts)
 
 /* ---- step 4: what each block gets ---- */
 
+static int compare_vertex(const void *key, const void *element)
+{
+    uint32_t a = *(const uint32_t *)key, b = *(const uint32_t *)element;
+    return a < b ? -1 : a > b;
+}
+
+enum status seam_find_vertex(struct seam_join *join, uint32_t slab, uint32_t vertex,
+                             uint32_t *place)
+{
+    const struct slab_part *part = join->parts + slab;
+    const uint32_t *first = join->vertices + part->vertex_offset;
+    const uint32_t *found =
+        bsearch(&vertex, first, part->vertex_count, sizeof vertex, compare_vertex);
+    if (!found)
+        return fail(join->ctx, STATUS_BAD_INPUT,
+                    "mesh store: vertex %u is not on a seam of slab %u", vertex, slab);
+    *place = (uint32_t)(found - first);
+    return STATUS_OK;
+}
+
 /* The next record if it belongs to `slab`, else NULL. */
 static enum status next_of_slab(struct seam_join *join, uint32_t slab,
                                 const struct chain_vertex **record)
@@ -582,14 +377,15 @@ static enum status add_list_vertex(struct seam_join *join, uint32_t slab,
 {
     struct context *ctx = join->ctx;
     const struct slab_part *part = join->parts + slab;
-    uint32_t place = find_vertex(join, slab, record->vertex);
-    if (place == part->vertex_count)
-        return unknown_vertex(join, slab, record->vertex);
-    enum status status = memory_reserve(ctx, &lists->list, &lists->list_capacity,
-                                        lists->list_count + 1, sizeof *lists->list);
+    uint32_t place = 0;
+    enum status status = seam_find_vertex(join, slab, record->vertex, &place);
+    if (status)
+        return status;
+    status = memory_reserve(ctx, &lists->list, &lists->list_capacity, lists->list_count + 1,
+                            sizeof *lists->list);
     if (!status && (record->place & ((1 << PLACE_SHIFT) - 1)) == 0) {
-        status = memory_reserve(ctx, &lists->chains, &lists->chain_capacity,
-                                lists->chain_count + 1, sizeof *lists->chains);
+        status = memory_reserve(ctx, &lists->chains, &lists->chain_capacity, lists->chain_count + 1,
+                                sizeof *lists->chains);
         if (!status)
             lists->chains[lists->chain_count++] =
                 (struct seam_chain){.left = (uint32_t)record->side,

@@ -1,6 +1,6 @@
 /*
- * Seams: joins what the slabs know of the edges between them into seam chains (P3, P4), each given to
- * both its blocks. Works by sorting; its memory is bounded by a limit, whatever the mesh's size.
+ * Seams: joins what the slabs know of the edges between them into seam chains (P3, P4), each given
+ * to both its blocks. Works by sorting; its memory is bounded by a limit, whatever the mesh's size.
  */
 #ifndef SPBM_SIMPLIFY_SEAM_JOIN_H
 #define SPBM_SIMPLIFY_SEAM_JOIN_H

@@ -85,8 +85,8 @@ static enum status fill_links(struct context *ctx, const struct slab *slab,
             if (face < slab->face_count) {
                 if (mate == 3)
                     return fail(ctx, STATUS_BAD_INPUT,
-                                "mesh store: slab %u, face %zu: edge %u has no mate", slab->index, f,
-                                k);
+                                "mesh store: slab %u, face %zu: edge %u has no mate", slab->index,
+                                f, k);
                 link = face << 2 | mate;
             }
             local->links[3 * f + k] = link;

@@ -1,6 +1,6 @@
 /*
- * A slab in its own small numbers: what patch growth and chain tracing walk over. Local vertices are
- * the slab's own ones in order, then its foreign ones; local faces count from the slab's first.
+ * A slab in its own small numbers: what patch growth and chain tracing walk over. Local vertices
+ * are the slab's own ones in order, then its foreign ones; local faces count from the slab's first.
  */
 #ifndef SPBM_SIMPLIFY_SLAB_LOCAL_H
 #define SPBM_SIMPLIFY_SLAB_LOCAL_H
@@ -19,9 +19,9 @@ static inline bool link_is_face(uint32_t link)
 /* Arrays grow as slabs ask for it and are reused from one slab to the next by the same worker. */
 struct slab_local {
     uint32_t face_count;
-    uint32_t own_count;    /* local vertices [0, own_count) are the slab's own */
-    uint32_t vertex_count; /* own and foreign */
-    uint32_t vertex_first; /* store number of local vertex 0 */
+    uint32_t own_count;      /* local vertices [0, own_count) are the slab's own */
+    uint32_t vertex_count;   /* own and foreign */
+    uint32_t vertex_first;   /* store number of local vertex 0 */
     const uint32_t *foreign; /* borrowed from the slab: store numbers of the foreign ones */
     uint32_t *corners;       /* 3 a face: local vertices */
     uint32_t *links;         /* 3 a face: over edge k */
@@ -39,8 +39,8 @@ static inline uint32_t local_vertex_number(const struct slab_local *local, uint3
 
 /* Fills `local` (all zero before its first use) from a slab that stays open while `local` is used.
  * A vertex that the slab's tables do not have, or an edge number above 2, is STATUS_BAD_INPUT. */
-enum status slab_local_fill(struct context *ctx, const struct slab *slab, struct slab_local *local)
-    MUST_CHECK;
+enum status slab_local_fill(struct context *ctx, const struct slab *slab,
+                            struct slab_local *local) MUST_CHECK;
 void slab_local_clear(struct context *ctx, struct slab_local *local);
 
 #endif

@@ -26,6 +26,8 @@
 
 enum { OWNER_TAKEN = UINT32_MAX }; /* else the patch for which an edge is reserved */
 
+#define BORDER UINT64_MAX /* instead of a patch */
+
 struct edge_entry {
     uint32_t high; /* the other vertex */
     uint32_t next; /* entry at the same lower vertex; NO_INDEX: the last */
@@ -45,6 +47,7 @@ struct builder {
     unsigned char *keep; /* a vertex: it is in the mesh */
     unsigned char *full; /* a chain: 1 when all its vertices were given back */
     uint32_t *heads;     /* a vertex: its first entry */
+    size_t heads_count;
     struct edge_entry *entries;
     uint32_t entry_count, entry_capacity;
     float *line; /* one chain's positions */
@@ -54,7 +57,9 @@ struct builder {
     double *points;
     uint32_t *triangles;
     uint32_t loop_capacity;
-    uint32_t patch;  /* the one that is being cut */
+    uint32_t patch;   /* the one that is being cut */
+    uint32_t *copies; /* block vertices of which there is another one, numbered from vertex_count */
+    uint32_t copy_count, copy_capacity;
     uint32_t *faces; /* block vertices */
     float *errors;   /* a block vertex */
     uint32_t face_count, face_capacity;
@@ -267,28 +272,39 @@ static enum status cut_chains(struct builder *b)
 
 /* ---- patches ---- */
 
+/* Slab and patch on the other side of a use. */
+static uint64_t patch_beyond(const struct builder *b, uint32_t use)
+{
+    const uint32_t chain = use >> 1;
+    uint64_t slab = b->block->slab;
+    uint32_t patch;
+    if (is_seam(b, chain)) {
+        slab = b->block->seam_chains[chain - b->block->chain_count].other_slab;
+        patch = b->block->seam_chains[chain - b->block->chain_count].right;
+    } else {
+        patch = use & 1 ? b->block->chains[chain].left : b->block->chains[chain].right;
+    }
+    return patch == NO_PATCH ? BORDER : slab << 32 | patch;
+}
+
 /* The patch's kept vertices in order (its uses are searched for each next one: a patch has at most
- * PATCH_FACES_MAX faces and commonly six chains); *whole: none was dropped; *alone: the same patch
+ * PATCH_FACES_MAX faces and commonly six chains); *alone: the same patch
  * lies beyond all its chains. */
-static enum status gather_loop(struct builder *b, uint32_t patch, uint32_t *count, bool *whole,
-                               bool *alone)
+static enum status gather_loop(struct builder *b, uint32_t patch, uint32_t *count, bool *alone)
 {
     const uint32_t first = b->use_first[patch], end = b->use_first[patch + 1];
-    uint32_t use = b->uses[first], n = 0, beyond = NO_PATCH;
-    *whole = *alone = true;
+    uint32_t use = b->uses[first], n = 0;
+    uint64_t beyond = BORDER;
+    *alone = true;
     for (uint32_t done = first; done < end; done++) {
         const uint32_t chain = use >> 1, length = chain_length(b, chain);
-        uint32_t other = NO_PATCH;
-        if (!is_seam(b, chain))
-            other = use & 1 ? b->block->chains[chain].left : b->block->chains[chain].right;
-        if (other == NO_PATCH || (done > first && other != beyond))
+        const uint64_t other = patch_beyond(b, use);
+        if (other == BORDER || (done > first && other != beyond))
             *alone = false;
         beyond = other;
         for (uint32_t i = 0; i + 1 < length; i++) {
             const uint32_t v = chain_vertex(b, chain, use & 1 ? length - 1 - i : i);
-            if (!b->keep[v])
-                *whole = false;
-            else if (n < b->loop_capacity)
+            if (b->keep[v] && n < b->loop_capacity)
                 b->loop[n++] = v;
         }
         const uint32_t last = chain_vertex(b, chain, use & 1 ? 0 : length - 1);
@@ -377,9 +393,28 @@ static uint32_t find_spare(const struct builder *b, uint32_t patch)
     return NO_INDEX;
 }
 
+static enum status add_copy(struct builder *b, uint32_t patch, uint32_t *copy)
+{
+    size_t capacity = b->copy_capacity;
+    enum status status =
+        memory_reserve(b->ctx, &b->copies, &capacity, (size_t)b->copy_count + 1, sizeof *b->copies);
+    if (status != STATUS_OK)
+        return status;
+    b->copy_capacity = (uint32_t)capacity;
+    uint32_t source = b->loop[0];
+    for (uint32_t i = b->use_first[patch]; i < b->use_first[patch + 1]; i++)
+        for (uint32_t k = 0; k < chain_length(b, b->uses[i] >> 1); k++)
+            if (!b->keep[chain_vertex(b, b->uses[i] >> 1, k)])
+                source = chain_vertex(b, b->uses[i] >> 1, k);
+    *copy = b->block->vertex_count + b->copy_count;
+    b->copies[b->copy_count++] = source;
+    return STATUS_OK;
+}
+
 static enum status cut_fan(struct builder *b, uint32_t n, uint32_t centre)
 {
-    b->keep[centre] = 1;
+    if (centre < b->block->vertex_count)
+        b->keep[centre] = 1;
     enum status status = STATUS_OK;
     for (uint32_t i = 0; i < n && status == STATUS_OK; i++)
         status = add_face(b, centre, b->loop[i], b->loop[i + 1 == n ? 0 : i + 1]);
@@ -396,9 +431,9 @@ static bool own_diagonal_allowed(void *user, uint32_t i, uint32_t j)
 static enum status cut_patch(struct builder *b, uint32_t patch)
 {
     uint32_t n = 0;
-    bool whole, alone;
+    bool alone;
     enum triangulation_quality quality = TRIANGULATION_PLANAR;
-    enum status status = gather_loop(b, patch, &n, &whole, &alone);
+    enum status status = gather_loop(b, patch, &n, &alone);
     if (status != STATUS_OK)
         return status;
     const struct patch *record = &b->block->patches[patch];
@@ -425,10 +460,11 @@ static enum status cut_patch(struct builder *b, uint32_t patch)
         return cut_fan(b, n, spare);
     status = triangulate(b->ctx, &b->space->triangulation, b->points, n, normal,
                          own_diagonal_allowed, b, b->triangles, &quality);
-    if (status == STATUS_OK && quality == TRIANGULATION_BLOCKED)
-        status = fail(b->ctx, STATUS_INTERNAL, "slab %u: patch %u can't be triangulated%s",
-                      b->block->slab, patch, whole ? "" : " without its dropped vertices");
-    return status == STATUS_OK ? take_triangles(b, n, b->triangles) : status;
+    if (status != STATUS_OK || quality != TRIANGULATION_BLOCKED)
+        return status == STATUS_OK ? take_triangles(b, n, b->triangles) : status;
+    uint32_t copy;
+    status = add_copy(b, patch, &copy);
+    return status == STATUS_OK ? cut_fan(b, n, copy) : status;
 }
 
 /* ---- the result ---- */
@@ -437,8 +473,14 @@ static enum status cut_patch(struct builder *b, uint32_t patch)
 static enum status finish(struct builder *b, uint32_t stride, struct small_mesh *mesh)
 {
     const struct chain_block *block = b->block;
-    uint32_t *numbers = b->heads, count = 0, seams = 0;
-    memset(numbers, 0xff, block->vertex_count * sizeof *numbers);
+    const uint32_t total = block->vertex_count + b->copy_count;
+    uint32_t count = 0, seams = 0;
+    enum status status = memory_resize(b->ctx, &b->heads, b->heads_count, total, sizeof *b->heads);
+    if (status != STATUS_OK)
+        return status;
+    b->heads_count = total;
+    uint32_t *numbers = b->heads;
+    memset(numbers, 0xff, total * sizeof *numbers);
     for (size_t i = 0; i < 3 * (size_t)b->face_count; i++) {
         uint32_t *number = &numbers[b->faces[i]];
         if (*number == NO_INDEX) {
@@ -450,7 +492,7 @@ static enum status finish(struct builder *b, uint32_t stride, struct small_mesh 
     to->vertex_count = count;
     to->face_count = b->face_count;
     mesh->seam_count = seams;
-    enum status status = memory_take(b->ctx, count, 3 * sizeof *to->positions, &to->positions);
+    status = memory_take(b->ctx, count, 3 * sizeof *to->positions, &to->positions);
     if (status == STATUS_OK)
         status = memory_take(b->ctx, b->face_count, 3 * sizeof *to->faces, &to->faces);
     if (status == STATUS_OK)
@@ -464,15 +506,16 @@ static enum status finish(struct builder *b, uint32_t stride, struct small_mesh 
     for (size_t i = 0; i < 3 * (size_t)b->face_count; i++)
         to->faces[i] = numbers[b->faces[i]];
     seams = 0;
-    for (uint32_t v = 0; v < block->vertex_count; v++) {
-        const size_t number = numbers[v];
+    for (uint32_t i = 0; i < total; i++) {
+        const size_t number = numbers[i];
+        const uint32_t v = i < block->vertex_count ? i : b->copies[i - block->vertex_count];
         if (number == NO_INDEX)
             continue;
         memcpy(to->positions + 3 * number, block->positions + 3 * (size_t)v, 3 * sizeof(float));
         to->errors[number] = b->errors[v];
         if (stride > 0)
             memcpy(to->records + number * stride, block->records + (size_t)v * stride, stride);
-        if (on_seam(b, v))
+        if (on_seam(b, i))
             mesh->seams[seams++] =
                 (struct seam_tag){block->seam_vertices[v - block->junction_count], (uint32_t)number,
                                   block->slab, block->slab};
@@ -547,6 +590,7 @@ static enum status take_arrays(struct builder *b)
         status = memory_take_zeroed(ctx, b->chain_total, 1, &b->full);
     if (status == STATUS_OK)
         status = memory_take(ctx, vertices, sizeof *b->heads, &b->heads);
+    b->heads_count = b->heads ? vertices : 0;
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, vertices, sizeof *b->errors, &b->errors);
     if (status == STATUS_OK)
@@ -574,7 +618,8 @@ static void release_arrays(struct builder *b)
     memory_release(ctx, &b->line_errors, b->line_capacity, sizeof *b->line_errors);
     memory_release(ctx, &b->line, b->line_capacity, 3 * sizeof *b->line);
     memory_release(ctx, &b->errors, vertices, sizeof *b->errors);
-    memory_release(ctx, &b->heads, vertices, sizeof *b->heads);
+    memory_release(ctx, &b->heads, b->heads_count, sizeof *b->heads);
+    memory_release(ctx, &b->copies, b->copy_capacity, sizeof *b->copies);
     memory_release(ctx, &b->full, b->chain_total, 1);
     memory_release(ctx, &b->keep, vertices, 1);
     memory_release(ctx, &b->uses, b->use_count, sizeof *b->uses);

@@ -1,6 +1,7 @@
 /*
- * Unit vectors in four bytes: a point on the octahedron |x| + |y| + |z| = 1, unfolded into a square,
- * each of its two coordinates a multiple of 1/32767. The angle is kept to about 0.003 degrees.
+ * Unit vectors in four bytes: a point on the octahedron |x| + |y| + |z| = 1, unfolded into a
+ * square, each of its two coordinates a multiple of 1/32767. The angle is kept to about 0.003
+ * degrees.
  */
 #ifndef SPBM_SIMPLIFY_UNIT_CODE_H
 #define SPBM_SIMPLIFY_UNIT_CODE_H

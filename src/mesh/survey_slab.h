@@ -1,0 +1,77 @@
+/*
+ * One slab's share of the survey: what is whole within the slab is settled, what goes on in others
+ * is handed on.
+ */
+#ifndef SPBM_MESH_SURVEY_SLAB_H
+#define SPBM_MESH_SURVEY_SLAB_H
+
+#include "mesh/survey.h"
+
+/* One end of an edge between two slabs, as one of the two faces sees it. */
+struct half_link {
+    uint64_t
+        key; /* the edge, by its lower face: (face << 2 | edge) << 1 | 1 at the higher vertex */
+    uint32_t fan; /* at that end */
+    uint32_t component;
+    uint32_t runs; /* 1 if a face of parity 0 would run from the lower to the higher vertex */
+    uint32_t unused;
+};
+
+struct rim_fan { /* a fan of a slab at a shared vertex */
+    uint32_t vertex;
+    uint32_t face;
+    uint32_t corner;
+    uint32_t up; /* united with */
+};
+
+struct border_path { /* a piece of a border loop from one shared vertex to another */
+    uint64_t start;
+    uint32_t end;
+    uint32_t component;
+};
+
+struct border_edge { /* in local vertex numbers */
+    uint32_t from, to;
+    uint32_t component;
+    bool is_used;
+};
+
+struct surveyor { /* one a worker */
+    struct slab_scope scope;
+    struct components components;
+    uint8_t *visited; /* a bit a corner, a byte a face */
+    size_t visited_capacity;
+    uint8_t *seen; /* the own vertices that have had a fan */
+    size_t seen_capacity;
+    struct border_edge *borders;
+    size_t border_capacity;
+    uint32_t *leaving; /* local vertex -> border edge that starts there */
+    size_t leaving_capacity;
+    uint8_t *is_entered; /* local vertex: a border edge ends there */
+    size_t entered_capacity;
+};
+
+struct part { /* what a slab hands on */
+    struct fan_record *fans;
+    size_t fan_count, fan_capacity;
+    struct rim_fan *rims;
+    size_t rim_count, rim_capacity;
+    struct half_link *links;
+    size_t link_count, link_capacity;
+    struct open_component *open;
+    size_t open_count, open_capacity;
+    struct border_path *paths;
+    size_t path_count, path_capacity;
+    uint64_t shared_vertices; /* own ones */
+    uint64_t borders, loops, components, floor;
+    bool is_turned;
+};
+
+/* Fills `part` anew; its numbers are those within the slab. */
+enum status survey_slab(struct draft *draft, uint32_t slab, struct surveyor *surveyor,
+                        struct part *part) MUST_CHECK;
+
+void surveyor_clear(struct context *ctx, struct surveyor *surveyor);
+void part_clear(struct context *ctx, struct part *part);
+
+#endif

@@ -1,0 +1,321 @@
+/*
+ * Which angles give as many patches as a level needs?
+ *
+ * Constant angles give some scans a hundred patches for each face of the level, which costs time,
+ * and others three, which costs accuracy: what a patch loses is its bulge. Curvature, noise and
+ * sampling all have a say, and no figure of the store predicts the number well. So patches are
+ * grown on a sample, a few connected pieces, with angles from a table, until the number of
+ * patches, scaled up to the whole, is known for the largest angle that gives enough. The sample is
+ * small, so that five trials cost a few milliseconds.
+ *
+ * How many are enough was measured (mean error against quadric collapse and Lindstrom-Turk's of the
+ * full mesh, bunny, koala and noisy scans, all smoothings): at equal numbers of patches the errors
+ * are nearly equal, whatever the angles and smoothings that gave them. 4 patches a face of the
+ * level give 0.92 to 1.15 of the quadric collapses' error, 10 give 0.75 to 0.88, and 20 are within
+ * a few per cent of Lindstrom-Turk's.
+ *
+ * An error bound E has no number of patches, but a patch of size s that turns by the angle A bulges
+ * by about s A / 8, which is kept under a part of E.
+ */
+#include "simplify/patch_fit.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/parallel.h"
+#include "mesh/draft.h"
+#include "simplify/patchify.h"
+
+enum { EXCERPTS = 4, EXCERPT_FACES = 1 << 13 };
+
+/* Patches for each face of the finest level, by effort; mode classic needs them to begin with. */
+static const double patches_a_face[4] = {0, 3.5, 10, 22};
+static const double classic_patches_a_face = 0.6;
+/* The part of an error bound that a patch's bulge may take, by effort. */
+static const double bulge_part[4] = {0, 0.3, 0.2, 0.15};
+
+/* Patch angles to choose from, degrees, ascending; the face angle is FACE_PART of it. */
+static const double angles[] = {0.25, 0.5, 0.75, 1,  1.4, 2,  2.8, 3.5, 4.2, 5, 6,
+                                7,    8,   9,    10, 11,  12, 14,  16,  18,  20};
+enum { ANGLES = sizeof angles / sizeof *angles };
+static const double FACE_PART = 0.85;
+
+/* Some faces of a slab with numbers of their own: a slab to patch_grow. */
+struct excerpt {
+    uint32_t face_count;
+    uint32_t vertex_count;
+    uint32_t *faces;
+    uint32_t *neighbours; /* NO_INDEX at the border, face_count: a face outside */
+    uint8_t *mates;
+    float *positions;
+    uint32_t *labels;
+    uint32_t patch_count; /* of the last trial */
+    struct patch_workspace space;
+};
+
+struct sample {
+    struct context *ctx;
+    struct store *store;
+    struct excerpt excerpts[EXCERPTS];
+    uint32_t excerpt_count;
+    uint64_t faces;
+    const struct patch_options *options; /* of the present trial */
+};
+
+static enum status take_excerpt(struct context *ctx, struct excerpt *excerpt, uint32_t faces)
+{
+    excerpt->face_count = faces;
+    enum status status = memory_take(ctx, faces, 3 * sizeof *excerpt->faces, &excerpt->faces);
+    if (!status)
+        status = memory_take(ctx, faces, 3 * sizeof *excerpt->neighbours, &excerpt->neighbours);
+    if (!status)
+        status = memory_take(ctx, faces, sizeof *excerpt->mates, &excerpt->mates);
+    if (!status)
+        status = memory_take(ctx, faces, 9 * sizeof *excerpt->positions, &excerpt->positions);
+    if (!status)
+        status = memory_take(ctx, faces, sizeof *excerpt->labels, &excerpt->labels);
+    return status;
+}
+
+static void clear_excerpt(struct context *ctx, struct excerpt *excerpt)
+{
+    const size_t faces = excerpt->face_count;
+    memory_release(ctx, &excerpt->labels, faces, sizeof *excerpt->labels);
+    memory_release(ctx, &excerpt->positions, faces, 9 * sizeof *excerpt->positions);
+    memory_release(ctx, &excerpt->mates, faces, sizeof *excerpt->mates);
+    memory_release(ctx, &excerpt->neighbours, faces, 3 * sizeof *excerpt->neighbours);
+    memory_release(ctx, &excerpt->faces, faces, 3 * sizeof *excerpt->faces);
+    patch_workspace_clear(ctx, &excerpt->space);
+}
+
+/* Chooses the excerpt's faces: those first met breadth-first from face `first` of an open slab,
+ * over edges, so that they hang together even where the order is not local; ascending in *chosen.
+ * In `places`, all NO_INDEX before, each gets its number. */
+static void choose_faces(const struct slab *slab, uint32_t first, uint32_t wanted, uint32_t *chosen,
+                         uint32_t *spare, uint32_t *places)
+{
+    uint32_t count = 0, head = 0, next = first;
+    while (count < wanted) {
+        if (head == count) { /* a component is used up: the next free face, round the slab */
+            while (places[next] != NO_INDEX)
+                next = next + 1 == slab->face_count ? 0 : next + 1;
+            places[next] = 0;
+            chosen[count++] = next;
+            continue;
+        }
+        const uint32_t *neighbours = slab->neighbours + 3 * (size_t)chosen[head++];
+        for (unsigned k = 0; k < 3 && count < wanted; k++) {
+            const uint32_t face = neighbours[k] - slab->face_first;
+            if (neighbours[k] != NO_INDEX && face < slab->face_count && places[face] == NO_INDEX) {
+                places[face] = 0;
+                chosen[count++] = face;
+            }
+        }
+    }
+    sort_u32(chosen, spare, count);
+    for (uint32_t f = 0; f < count; f++)
+        places[chosen[f]] = f;
+}
+
+/* Copies the chosen faces with numbers of the excerpt's own. `vertices` and `spare` have room for
+ * all their corners. */
+static void copy_faces(const struct slab *slab, const uint32_t *chosen, const uint32_t *places,
+                       uint32_t *vertices, uint32_t *spare, struct excerpt *excerpt)
+{
+    const size_t corners = 3 * (size_t)excerpt->face_count;
+    for (size_t i = 0; i < corners; i++)
+        vertices[i] = slab->faces[3 * (size_t)chosen[i / 3] + i % 3];
+    sort_u32(vertices, spare, corners);
+    for (size_t i = 0; i < corners; i++)
+        if (i == 0 || vertices[i] != vertices[i - 1])
+            vertices[excerpt->vertex_count++] = vertices[i];
+    for (uint32_t v = 0; v < excerpt->vertex_count; v++)
+        memcpy(excerpt->positions + 3 * (size_t)v, slab_position(slab, vertices[v]),
+               3 * sizeof(float));
+    for (size_t i = 0; i < corners; i++) {
+        const size_t from = 3 * (size_t)chosen[i / 3] + i % 3;
+        const uint32_t neighbour = slab->neighbours[from], inside = neighbour - slab->face_first;
+        const bool is_chosen = inside < slab->face_count && places[inside] != NO_INDEX;
+        excerpt->neighbours[i] = neighbour == NO_INDEX ? NO_INDEX
+                                 : is_chosen           ? places[inside]
+                                                       : excerpt->face_count;
+        excerpt->faces[i] = foreign_rank(vertices, excerpt->vertex_count, slab->faces[from]);
+        excerpt->mates[i / 3] = slab->mates[chosen[i / 3]];
+    }
+}
+
+static enum status copy_excerpt(struct context *ctx, const struct slab *slab, uint32_t first,
+                                struct excerpt *excerpt)
+{
+    const size_t corners = 3 * (size_t)excerpt->face_count;
+    uint32_t *chosen = NULL, *places = NULL, *vertices = NULL, *spare = NULL;
+    enum status status = memory_take(ctx, excerpt->face_count, sizeof *chosen, &chosen);
+    if (!status)
+        status = memory_take(ctx, slab->face_count, sizeof *places, &places);
+    if (!status)
+        status = memory_take(ctx, corners, sizeof *vertices, &vertices);
+    if (!status)
+        status = memory_take(ctx, corners, sizeof *spare, &spare);
+    if (!status) {
+        memset(places, 0xff, slab->face_count * sizeof *places);
+        choose_faces(slab, first, excerpt->face_count, chosen, spare, places);
+        copy_faces(slab, chosen, places, vertices, spare, excerpt);
+    }
+    memory_release(ctx, &spare, corners, sizeof *spare);
+    memory_release(ctx, &vertices, corners, sizeof *vertices);
+    memory_release(ctx, &places, slab->face_count, sizeof *places);
+    memory_release(ctx, &chosen, excerpt->face_count, sizeof *chosen);
+    return status;
+}
+
+static enum status fill_excerpt(struct sample *sample, uint32_t index, uint64_t first)
+{
+    struct slab slab = {0};
+    struct excerpt *excerpt = &sample->excerpts[index];
+    enum status status =
+        slab_open(sample->store, (uint32_t)(first >> store_info(sample->store)->slab_shift), &slab);
+    if (!status) {
+        const uint32_t most = sample->excerpt_count == 1 ? EXCERPTS * EXCERPT_FACES : EXCERPT_FACES;
+        status =
+            take_excerpt(sample->ctx, excerpt, slab.face_count < most ? slab.face_count : most);
+        if (!status)
+            status = copy_excerpt(sample->ctx, &slab, (uint32_t)(first - slab.face_first), excerpt);
+    }
+    slab_close(&slab);
+    return status;
+}
+
+static enum status fill_sample(struct sample *sample)
+{
+    sample->faces = store_info(sample->store)->topology.faces;
+    sample->excerpt_count = sample->faces > EXCERPTS * EXCERPT_FACES ? EXCERPTS : 1;
+    enum status status = STATUS_OK;
+    for (uint32_t i = 0; i < sample->excerpt_count && !status; i++)
+        status = fill_excerpt(sample, i,
+                              (2 * i + 1) * (sample->faces - EXCERPT_FACES) /
+                                  (2 * sample->excerpt_count) * (sample->excerpt_count > 1));
+    return status;
+}
+
+static enum status try_excerpt(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct sample *sample = user;
+    struct excerpt *excerpt = &sample->excerpts[job];
+    const struct slab slab = {.face_count = excerpt->face_count,
+                              .vertex_end = excerpt->vertex_count,
+                              .faces = excerpt->faces,
+                              .neighbours = excerpt->neighbours,
+                              .mates = excerpt->mates,
+                              .positions = excerpt->positions};
+    return patch_grow(sample->ctx, &slab, sample->options, &excerpt->space, excerpt->labels,
+                      &excerpt->patch_count);
+}
+
+/* Patches of the whole mesh with these options, as the sample has it. */
+static enum status estimate(struct sample *sample, const struct patch_options *options,
+                            double *patches)
+{
+    uint64_t faces = 0, count = 0;
+    sample->options = options;
+    enum status status = parallel_for(sample->ctx, sample->excerpt_count, try_excerpt, sample);
+    for (uint32_t i = 0; i < sample->excerpt_count; i++) {
+        faces += sample->excerpts[i].face_count;
+        count += sample->excerpts[i].patch_count;
+    }
+    *patches = faces ? (double)count * (double)sample->faces / (double)faces : 0;
+    return status;
+}
+
+/* What the finest level asks for: faces, or an error in model units. */
+struct fineness {
+    double faces; /* 0: none */
+    double error; /* 0: none */
+};
+
+static struct fineness find_finest(const struct store_info *info, const struct target *target)
+{
+    struct fineness finest = {0, 0};
+    double square = 0;
+    for (unsigned c = 0; c < 3; c++) {
+        const double side = info->box_high[c] - info->box_low[c];
+        square += side * side;
+    }
+    for (uint32_t i = 0; i < target->count && i < TARGETS_MAX; i++) {
+        const double value = target->values[i];
+        if (target->kind == TARGET_ERROR) {
+            const double error = target->error_is_relative ? value * sqrt(square) : value;
+            if (finest.error <= 0 || error < finest.error)
+                finest.error = error;
+        } else {
+            const double faces =
+                target->kind == TARGET_RATIO ? value * (double)info->topology.faces : value;
+            finest.faces = faces > finest.faces ? faces : finest.faces;
+        }
+    }
+    return finest;
+}
+
+static bool are_fine_enough(const struct store_info *info, const struct target *target,
+                            const struct fineness *finest, double angle, double patches)
+{
+    const bool classic = target->mode == MODE_CLASSIC;
+    if (finest->faces > 0)
+        return patches >=
+               finest->faces * (classic ? classic_patches_a_face : patches_a_face[target->effort]);
+    if (finest->error <= 0 || patches <= 0)
+        return true;
+    const double radian = 0.017453292519943295;
+    return sqrt(info->area / patches) * angle * radian / 8 <=
+           bulge_part[target->effort] * finest->error;
+}
+
+/* The options for one of the table's angles. */
+static void make_options(const struct store_info *info, const struct target *target,
+                         const struct patch_request *request, uint32_t index,
+                         struct patch_options *options)
+{
+    struct patch_request asked = *request;
+    if (asked.patch_angle[0] < 0)
+        asked.patch_angle[0] = angles[index];
+    if (asked.face_angle[0] < 0)
+        asked.face_angle[0] = FACE_PART * angles[index];
+    patch_choose(info, target, &asked, options);
+}
+
+enum status patch_fit(struct context *ctx, struct store *store, const struct target *target,
+                      const struct patch_request *request, struct patch_options *options)
+{
+    const struct store_info *info = store_info(store);
+    const struct fineness finest = find_finest(info, target);
+    patch_choose(info, target, request, options);
+    if (request->patch_angle[0] >= 0 || info->topology.faces == 0 ||
+        target->effort >= sizeof patches_a_face / sizeof *patches_a_face)
+        return STATUS_OK;
+    struct sample sample = {.ctx = ctx, .store = store};
+    double patches = 0;
+    enum status status = fill_sample(&sample);
+    /* mode classic has the paper's angles unless they are too coarse */
+    bool enough = false;
+    if (!status && target->mode == MODE_CLASSIC) {
+        status = estimate(&sample, options, &patches);
+        enough = are_fine_enough(info, target, &finest, 25, patches);
+    }
+    uint32_t low = 0, high = enough ? 0 : ANGLES - 1;
+    while (!status && low < high) {
+        /* angles[low] is fine enough, or nothing is; those above high are not */
+        const uint32_t middle = (low + high + 1) / 2;
+        make_options(info, target, request, middle, options);
+        status = estimate(&sample, options, &patches);
+        if (are_fine_enough(info, target, &finest, angles[middle], patches))
+            low = middle;
+        else
+            high = middle - 1;
+    }
+    if (!status && !enough)
+        make_options(info, target, request, low, options);
+    for (uint32_t i = 0; i < sample.excerpt_count; i++)
+        clear_excerpt(ctx, &sample.excerpts[i]);
+    return status;
+}

@@ -1,0 +1,618 @@
+/*
+ * From rims to features.
+ *
+ * The dissertation looks for the partner of each loop through the wall patches, loop by loop. Cutting
+ * the surface along all rims at once says the same of any number of loops: the connected pieces
+ * that are left are what lies between rims. A piece that has all its rims on its wall side is a
+ * feature (one rim: a bump or cavity, two or more: a hole); one that has the flat side of a rim
+ * carries other features and goes only when all those are gone, so that a pocket in the top of a
+ * bump goes with the bump, and a small bore in a large one goes without it.
+ *
+ * A piece that has one end small only, or is no wall at all, is not cut off and stays: the surface
+ * is never opened.
+ */
+#include "simplify/topology_features.h"
+
+#include <string.h>
+
+#include "base/memory.h"
+
+/* Normals that differ from a loop's by less than 45 degrees are not steep. */
+static const double steep_cosine = 0.70710678118654757;
+/* Of the area that walls of a feature's depth would have, the least that must be steep. */
+static const double steep_share = 0.1;
+/* Depth of a bump or cavity by the size of its loop, below which it is noise. */
+static const double least_depth = 1e-3;
+
+enum piece_state { PIECE_STAYS = 0, PIECE_WAITS, PIECE_GOES };
+
+struct piece {
+    struct vec3 low, high;
+    uint32_t first_edge, edge_count;   /* its cut edges: half-edges on its own side */
+    uint32_t first_patch, patch_count; /* its patches */
+    uint32_t flat_edges;               /* cut edges whose flat side it has, and whose wall stays */
+    uint32_t wall_edges;
+    uint32_t large; /* list of large loops inside it */
+    uint8_t state;
+};
+
+struct finder {
+    struct chain_graph *graph;
+    const struct rim_options *options;
+    bool keep_pipes;
+    struct rim_set rims;
+    uint32_t *piece_of; /* a patch */
+    struct piece *pieces;
+    uint32_t piece_count;
+    uint32_t *edges;   /* half-edges by piece */
+    uint32_t *patches; /* by piece */
+    size_t edge_total;
+    uint32_t *large_next; /* a large loop: the next in the same piece */
+    uint32_t *gone;       /* a patch: 0 it stays, 1 it goes */
+    uint8_t *visited;     /* a half-edge */
+    uint32_t *queue;
+    uint32_t queue_begin, queue_end;
+    struct loop_points points;
+    double *extent_points;
+    size_t extent_capacity;
+};
+
+void feature_list_clear(struct context *ctx, struct feature_list *list)
+{
+    memory_release(ctx, &list->features, list->capacity, sizeof *list->features);
+    memset(list, 0, sizeof *list);
+}
+
+enum status feature_list_add(struct context *ctx, struct feature_list *list,
+                             const struct feature *feature)
+{
+    enum status status = memory_reserve(ctx, &list->features, &list->capacity, list->count + 1,
+                                        sizeof *list->features);
+    if (status == STATUS_OK)
+        list->features[list->count++] = *feature;
+    return status;
+}
+
+/* ---- union-find over patches ---- */
+
+static uint32_t root_of(uint32_t *parents, uint32_t i)
+{
+    while (parents[i] != i) {
+        parents[i] = parents[parents[i]];
+        i = parents[i];
+    }
+    return i;
+}
+
+static void join(uint32_t *parents, uint32_t a, uint32_t b)
+{
+    a = root_of(parents, a);
+    b = root_of(parents, b);
+    if (a < b)
+        parents[b] = a;
+    else
+        parents[a] = b;
+}
+
+/* Turns the forest into numbers from 0, in the order of the lowest patches. */
+static uint32_t number_roots(uint32_t *parents, uint32_t count)
+{
+    uint32_t next = 0;
+    for (uint32_t p = 0; p < count; p++)
+        parents[p] = root_of(parents, p);
+    /* A root is its own parent and precedes its members, so its place can take the number: numbers
+     * never exceed places. */
+    for (uint32_t p = 0; p < count; p++)
+        parents[p] = parents[p] == p ? next++ : parents[parents[p]];
+    return next;
+}
+
+static inline uint32_t patch_of(const struct finder *finder, uint32_t h)
+{
+    return finder->graph->half_edges[h].patch;
+}
+
+/* ---- pieces ---- */
+
+static void widen_piece(struct piece *piece, struct vec3 at)
+{
+    piece->low = vec3_make(at.x < piece->low.x ? at.x : piece->low.x,
+                           at.y < piece->low.y ? at.y : piece->low.y,
+                           at.z < piece->low.z ? at.z : piece->low.z);
+    piece->high = vec3_make(at.x > piece->high.x ? at.x : piece->high.x,
+                            at.y > piece->high.y ? at.y : piece->high.y,
+                            at.z > piece->high.z ? at.z : piece->high.z);
+}
+
+static enum status take_pieces(struct finder *finder)
+{
+    struct chain_graph *graph = finder->graph;
+    struct context *ctx = graph->ctx;
+    uint32_t *piece_of = finder->piece_of;
+    for (uint32_t p = 0; p < graph->patch_count; p++)
+        piece_of[p] = p;
+    for (uint32_t e = 0; e < graph->edge_count; e++) {
+        uint32_t a = patch_of(finder, 2 * e), b = patch_of(finder, 2 * e + 1);
+        if (a != NO_PATCH && b != NO_PATCH && rim_flat_side(&finder->rims, e) == NO_INDEX)
+            join(piece_of, a, b);
+    }
+    finder->piece_count = number_roots(piece_of, graph->patch_count);
+    enum status status =
+        memory_take(ctx, finder->piece_count, sizeof *finder->pieces, &finder->pieces);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, finder->piece_count, sizeof *finder->queue, &finder->queue);
+    if (status != STATUS_OK)
+        return status;
+    const struct piece empty = {.low = {INFINITY, INFINITY, INFINITY},
+                                .high = {-INFINITY, -INFINITY, -INFINITY},
+                                .large = NO_INDEX};
+    for (uint32_t i = 0; i < finder->piece_count; i++)
+        finder->pieces[i] = empty;
+    for (uint32_t h = 0; h < 2 * graph->edge_count; h++)
+        if (patch_of(finder, h) != NO_PATCH)
+            widen_piece(&finder->pieces[piece_of[patch_of(finder, h)]],
+                        vertex_point(graph, graph->half_edges[h].origin));
+    return STATUS_OK;
+}
+
+/* Lists each piece's cut edges and patches. An edge that is cut but has the same piece on both sides
+ * counts on both: the piece has the flat side of a rim and stays. */
+static enum status list_pieces(struct finder *finder)
+{
+    struct chain_graph *graph = finder->graph;
+    struct context *ctx = graph->ctx;
+    struct piece *pieces = finder->pieces;
+    for (uint32_t h = 0; h < 2 * graph->edge_count; h++) {
+        uint32_t flat = rim_flat_side(&finder->rims, h / 2);
+        if (flat == NO_INDEX || patch_of(finder, h) == NO_PATCH)
+            continue;
+        struct piece *piece = &pieces[finder->piece_of[patch_of(finder, h)]];
+        piece->edge_count++;
+        piece->flat_edges += flat == h;
+        piece->wall_edges += flat != h;
+        finder->edge_total++;
+    }
+    for (uint32_t p = 0; p < graph->patch_count; p++)
+        pieces[finder->piece_of[p]].patch_count++;
+    enum status status = memory_take(ctx, finder->edge_total, sizeof *finder->edges, &finder->edges);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, graph->patch_count, sizeof *finder->patches, &finder->patches);
+    if (status != STATUS_OK)
+        return status;
+    for (uint32_t i = 1; i < finder->piece_count; i++) {
+        pieces[i].first_edge = pieces[i - 1].first_edge + pieces[i - 1].edge_count;
+        pieces[i].first_patch = pieces[i - 1].first_patch + pieces[i - 1].patch_count;
+    }
+    for (uint32_t i = 0; i < finder->piece_count; i++)
+        pieces[i].edge_count = pieces[i].patch_count = 0;
+    for (uint32_t h = 0; h < 2 * graph->edge_count; h++) {
+        if (rim_flat_side(&finder->rims, h / 2) == NO_INDEX || patch_of(finder, h) == NO_PATCH)
+            continue;
+        struct piece *piece = &pieces[finder->piece_of[patch_of(finder, h)]];
+        finder->edges[piece->first_edge + piece->edge_count++] = h;
+    }
+    for (uint32_t p = 0; p < graph->patch_count; p++) {
+        struct piece *piece = &pieces[finder->piece_of[p]];
+        finder->patches[piece->first_patch + piece->patch_count++] = p;
+    }
+    return STATUS_OK;
+}
+
+/* Large loops count against the piece that they lie in; those along a rim are the flat side's. */
+static enum status list_large(struct finder *finder)
+{
+    enum status status = memory_take(finder->graph->ctx, finder->rims.large_count,
+                                     sizeof *finder->large_next, &finder->large_next);
+    for (size_t i = 0; i < finder->rims.large_count && status == STATUS_OK; i++) {
+        uint32_t h = finder->rims.large[i].first;
+        struct piece *piece = &finder->pieces[finder->piece_of[patch_of(finder, h)]];
+        finder->large_next[i] = piece->large;
+        piece->large = (uint32_t)i;
+    }
+    return status;
+}
+
+/* ---- is it a feature? ---- */
+
+/* What its loops tell of a piece. */
+struct outline {
+    uint32_t loops, concave_loops;
+    double size; /* of the largest loop */
+    struct vec3 centre, normal; /* of the largest loop, the normal away from the wall's flat side */
+};
+
+static void set_gone(struct finder *finder, const struct piece *piece, uint32_t gone)
+{
+    for (uint32_t i = 0; i < piece->patch_count; i++)
+        finder->gone[finder->patches[piece->first_patch + i]] = gone;
+}
+
+/* True when h runs between what stays (left) and what goes (right). */
+static bool is_outline(const struct finder *finder, uint32_t h)
+{
+    uint32_t left = patch_of(finder, h), right = patch_of(finder, h ^ 1);
+    return left != NO_PATCH && right != NO_PATCH && !finder->gone[left] && finder->gone[right];
+}
+
+/* The loops between what stays and what goes along the cut edges of one piece. */
+static enum status trace_outline(struct finder *finder, const struct piece *piece,
+                                 struct outline *outline)
+{
+    struct context *ctx = finder->graph->ctx;
+    enum status status = STATUS_OK;
+    for (uint32_t i = 0; i < piece->edge_count && status == STATUS_OK; i++) {
+        uint32_t first = finder->edges[piece->first_edge + i] ^ 1;
+        struct surface_loop loop;
+        double size = 0;
+        if (finder->visited[first] || !is_outline(finder, first))
+            continue;
+        status = loop_trace(finder->graph, finder->gone, first, &finder->points, &loop);
+        if (status == STATUS_OK)
+            status = loop_size(ctx, &finder->points, finder->options->measure, loop.normal, &size);
+        for (uint32_t k = 0; k < finder->points.count; k++)
+            finder->visited[finder->points.half_edges[k]] = 1;
+        outline->loops++;
+        outline->concave_loops += loop.convexity < 0;
+        if (outline->loops == 1 || size > outline->size) {
+            outline->size = size;
+            outline->centre = loop.centre;
+            outline->normal = loop.normal;
+        }
+    }
+    return status;
+}
+
+/* Visits must be undone where the piece stays, and are done anew for the final features. */
+static void forget_visits(struct finder *finder, const struct piece *piece)
+{
+    for (uint32_t i = 0; i < piece->edge_count; i++) {
+        uint32_t first = finder->edges[piece->first_edge + i] ^ 1, h = first;
+        if (!finder->visited[first])
+            continue;
+        do {
+            finder->visited[h] = 0;
+            h = loop_next(finder->graph, finder->gone, h);
+        } while (finder->visited[h]);
+    }
+}
+
+/* Steep area and depth: a ring of a gentle swell is no wall. */
+static bool has_walls(const struct finder *finder, const struct piece *piece,
+                      const struct outline *outline)
+{
+    const struct chain_graph *graph = finder->graph;
+    double steep = 0, low = 0, high = 0;
+    for (uint32_t i = 0; i < piece->patch_count; i++) {
+        uint32_t patch = finder->patches[piece->first_patch + i];
+        const struct graph_patch *record = &graph->patches[patch];
+        uint32_t h = record->half_edge;
+        if (fabs(vec3_dot(patch_normal(graph, patch), outline->normal)) < steep_cosine)
+            steep += (double)record->area;
+        do {
+            struct vec3 at = vertex_point(graph, graph->half_edges[h].origin);
+            double height = vec3_dot(vec3_sub(at, outline->centre), outline->normal);
+            low = height < low ? height : low;
+            high = height > high ? height : high;
+            h = graph->half_edges[h].next;
+        } while (h != record->half_edge);
+    }
+    if (outline->loops == 1 && high - low < least_depth * outline->size)
+        return false;
+    return steep >= steep_share * (high - low) * outline->size;
+}
+
+/* A loop inside, parallel to the opening and not small: the head of a mushroom, the chamber behind
+ * a neck. */
+static bool widens_inside(const struct finder *finder, const struct piece *piece,
+                          const struct outline *outline)
+{
+    for (uint32_t i = piece->large; i != NO_INDEX; i = finder->large_next[i]) {
+        const struct large_loop *large = &finder->rims.large[i];
+        uint32_t right = patch_of(finder, large->first ^ 1);
+        if (right != NO_PATCH && finder->gone[right] &&
+            fabs(vec3_dot(large->normal, outline->normal)) > steep_cosine)
+            return true;
+    }
+    return false;
+}
+
+static enum status extent_of(struct finder *finder, const struct piece *piece, double *extent)
+{
+    const struct chain_graph *graph = finder->graph;
+    struct context *ctx = graph->ctx;
+    size_t count = 0;
+    for (uint32_t i = 0; i < piece->patch_count; i++) {
+        const struct graph_patch *record =
+            &graph->patches[finder->patches[piece->first_patch + i]];
+        uint32_t h = record->half_edge;
+        do {
+            enum status status =
+                memory_reserve(ctx, &finder->extent_points, &finder->extent_capacity, 3 * (count + 1),
+                               sizeof *finder->extent_points);
+            if (status != STATUS_OK)
+                return status;
+            vec3_store(finder->extent_points + 3 * count++,
+                       vertex_point(graph, graph->half_edges[h].origin));
+            h = graph->half_edges[h].next;
+        } while (h != record->half_edge);
+    }
+    return points_diameter(ctx, &finder->points, finder->extent_points, count,
+                           finder->options->size, extent);
+}
+
+/* Other pieces to which a piece has uncut ties only through `piece`, and that are small as a whole:
+ * the head of a mushroom. They go with it. Counts the neighbours that stay. */
+static bool is_small_end(const struct finder *finder, uint32_t index, uint32_t stem)
+{
+    const struct piece *piece = &finder->pieces[index];
+    if (vec3_distance(piece->low, piece->high) >= finder->options->size)
+        return false;
+    for (uint32_t i = 0; i < piece->edge_count; i++) {
+        uint32_t other = patch_of(finder, finder->edges[piece->first_edge + i] ^ 1);
+        if (other == NO_PATCH || (finder->piece_of[other] != stem && !finder->gone[other]))
+            return false;
+    }
+    return true;
+}
+
+static uint32_t swallow_small_ends(struct finder *finder, uint32_t index)
+{
+    struct piece *piece = &finder->pieces[index];
+    uint32_t swallowed = 0, largest = NO_INDEX;
+    bool all_small = true;
+    for (uint32_t i = 0; i < piece->edge_count; i++) {
+        uint32_t patch = patch_of(finder, finder->edges[piece->first_edge + i] ^ 1);
+        if (patch == NO_PATCH || finder->gone[patch])
+            continue;
+        uint32_t other = finder->piece_of[patch];
+        if (!is_small_end(finder, other, index))
+            all_small = false;
+        else if (largest == NO_INDEX || vec3_distance(finder->pieces[other].low,
+                                                      finder->pieces[other].high) >
+                                            vec3_distance(finder->pieces[largest].low,
+                                                          finder->pieces[largest].high))
+            largest = other;
+    }
+    for (uint32_t i = 0; i < piece->edge_count; i++) {
+        uint32_t patch = patch_of(finder, finder->edges[piece->first_edge + i] ^ 1);
+        if (patch == NO_PATCH || finder->gone[patch])
+            continue;
+        uint32_t other = finder->piece_of[patch];
+        if ((all_small && other == largest) || !is_small_end(finder, other, index))
+            continue;
+        set_gone(finder, &finder->pieces[other], 1);
+        finder->pieces[other].state = PIECE_GOES;
+        swallowed++;
+    }
+    return swallowed;
+}
+
+static enum status judge_outline(struct finder *finder, uint32_t index, bool *goes)
+{
+    struct piece *piece = &finder->pieces[index];
+    struct outline outline = {0};
+    double size = 0;
+    *goes = false;
+    enum status status = trace_outline(finder, piece, &outline);
+    if (status != STATUS_OK)
+        return status;
+    size = outline.size;
+    if (status == STATUS_OK && finder->options->measure == LOOP_EXTENT && outline.loops > 0)
+        status = extent_of(finder, piece, &size);
+    *goes = outline.loops > 0 && size < finder->options->size &&
+            has_walls(finder, piece, &outline) && !widens_inside(finder, piece, &outline) &&
+            (!finder->keep_pipes || outline.concave_loops < 2);
+    forget_visits(finder, piece);
+    return status;
+}
+
+static enum status judge_piece(struct finder *finder, uint32_t index)
+{
+    struct piece *piece = &finder->pieces[index];
+    bool goes;
+    set_gone(finder, piece, 1);
+    enum status status = judge_outline(finder, index, &goes);
+    if (status == STATUS_OK && !goes && finder->keep_pipes && swallow_small_ends(finder, index)) {
+        status = judge_outline(finder, index, &goes);
+        for (uint32_t i = 0; i < piece->edge_count && !goes; i++) {
+            uint32_t patch = patch_of(finder, finder->edges[piece->first_edge + i] ^ 1);
+            struct piece *other = patch == NO_PATCH ? NULL : &finder->pieces[finder->piece_of[patch]];
+            if (other && other->state == PIECE_GOES && other->flat_edges > 0) {
+                other->state = PIECE_STAYS;
+                set_gone(finder, other, 0);
+            }
+        }
+    }
+    if (!goes)
+        set_gone(finder, piece, 0);
+    piece->state = goes ? PIECE_GOES : PIECE_STAYS;
+    return status;
+}
+
+/* ---- one after the other ---- */
+
+static void enqueue(struct finder *finder, uint32_t index)
+{
+    struct piece *piece = &finder->pieces[index];
+    if (piece->state == PIECE_STAYS && piece->flat_edges == 0 && piece->wall_edges > 0) {
+        piece->state = PIECE_WAITS;
+        finder->queue[finder->queue_end++] = index;
+    }
+}
+
+/* Frees the flat sides of what has gone. Every piece waits at most once, for it waits only when its
+ * last flat side is freed. */
+static void release_neighbours(struct finder *finder, const struct piece *piece)
+{
+    for (uint32_t i = 0; i < piece->edge_count; i++) {
+        uint32_t h = finder->edges[piece->first_edge + i], patch = patch_of(finder, h ^ 1);
+        if (patch == NO_PATCH || rim_flat_side(&finder->rims, h / 2) == h)
+            continue;
+        uint32_t other = finder->piece_of[patch];
+        if (--finder->pieces[other].flat_edges == 0)
+            enqueue(finder, other);
+    }
+}
+
+static enum status peel(struct finder *finder)
+{
+    enum status status = STATUS_OK;
+    for (uint32_t i = 0; i < finder->piece_count; i++)
+        enqueue(finder, i);
+    while (finder->queue_begin < finder->queue_end && status == STATUS_OK) {
+        uint32_t index = finder->queue[finder->queue_begin++];
+        status = judge_piece(finder, index);
+        if (status == STATUS_OK && finder->pieces[index].state == PIECE_GOES)
+            release_neighbours(finder, &finder->pieces[index]);
+    }
+    return status;
+}
+
+/* ---- what is reported ---- */
+
+/* Pieces that touch and go are one feature. `parents` is a forest over pieces. */
+static void join_gone(struct finder *finder, uint32_t *parents)
+{
+    for (uint32_t i = 0; i < finder->piece_count; i++)
+        parents[i] = i;
+    for (size_t i = 0; i < finder->edge_total; i++) {
+        uint32_t a = patch_of(finder, finder->edges[i]), b = patch_of(finder, finder->edges[i] ^ 1);
+        if (b != NO_PATCH && finder->gone[a] && finder->gone[b])
+            join(parents, finder->piece_of[a], finder->piece_of[b]);
+    }
+    for (uint32_t i = 0; i < finder->piece_count; i++)
+        parents[i] = root_of(parents, i);
+}
+
+static enum feature_kind kind_of(const struct feature *feature, uint32_t concave)
+{
+    if (feature->loops == 1)
+        return concave ? FEATURE_BUMP : FEATURE_CAVITY;
+    return concave > 1 ? FEATURE_PIPE : FEATURE_HOLE;
+}
+
+static enum status report_features(struct finder *finder, uint32_t *of_patch,
+                                   struct feature_list *list)
+{
+    struct context *ctx = finder->graph->ctx;
+    uint32_t *parents, *concave = NULL;
+    size_t first = list->count;
+    enum status status = memory_take(ctx, finder->piece_count, sizeof *parents, &parents);
+    if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, finder->piece_count, sizeof *concave, &concave);
+    if (status != STATUS_OK)
+        goto done;
+    join_gone(finder, parents);
+    /* The queue has served: it holds the features' numbers now, by root. */
+    for (uint32_t i = 0; i < finder->piece_count && status == STATUS_OK; i++) {
+        if (finder->pieces[i].state != PIECE_GOES)
+            continue;
+        uint32_t root = parents[i];
+        if (root == i) {
+            finder->queue[i] = (uint32_t)list->count;
+            status = feature_list_add(ctx, list, &(struct feature){0});
+        }
+        if (status != STATUS_OK)
+            break;
+        struct feature *feature = &list->features[finder->queue[root]];
+        struct outline outline = {.loops = feature->loops,
+                                  .concave_loops = concave[root],
+                                  .size = feature->size,
+                                  .centre = vec3_load(feature->place)};
+        status = trace_outline(finder, &finder->pieces[i], &outline);
+        feature->loops = outline.loops;
+        feature->size = outline.size;
+        vec3_store(feature->place, outline.centre);
+        concave[root] = outline.concave_loops;
+        feature->kind = kind_of(feature, concave[root]);
+    }
+    for (uint32_t p = 0; p < finder->graph->patch_count && status == STATUS_OK; p++)
+        if (finder->gone[p])
+            of_patch[p] = finder->queue[parents[finder->piece_of[p]]];
+    (void)first;
+done:
+    memory_release(ctx, &parents, finder->piece_count, sizeof *parents);
+    memory_release(ctx, &concave, finder->piece_count, sizeof *concave);
+    return status;
+}
+
+static void finder_clear(struct finder *finder)
+{
+    struct context *ctx = finder->graph->ctx;
+    size_t patches = finder->graph->patch_count, half_edges = 2 * (size_t)finder->graph->edge_count;
+    memory_release(ctx, &finder->large_next, finder->rims.large_count, sizeof *finder->large_next);
+    rim_set_clear(ctx, &finder->rims);
+    loop_points_clear(ctx, &finder->points);
+    memory_release(ctx, &finder->piece_of, patches, sizeof *finder->piece_of);
+    memory_release(ctx, &finder->gone, patches, sizeof *finder->gone);
+    memory_release(ctx, &finder->patches, patches, sizeof *finder->patches);
+    memory_release(ctx, &finder->visited, half_edges, 1);
+    memory_release(ctx, &finder->pieces, finder->piece_count, sizeof *finder->pieces);
+    memory_release(ctx, &finder->queue, finder->piece_count, sizeof *finder->queue);
+    memory_release(ctx, &finder->edges, finder->edge_total, sizeof *finder->edges);
+    memory_release(ctx, &finder->extent_points, finder->extent_capacity,
+                   sizeof *finder->extent_points);
+}
+
+enum status features_find(struct chain_graph *graph, const struct rim_options *options,
+                          bool keep_pipes, uint32_t *of_patch, struct feature_list *list)
+{
+    struct context *ctx = graph->ctx;
+    struct finder finder = {.graph = graph, .options = options, .keep_pipes = keep_pipes};
+    enum status status = rims_find(graph, options, of_patch, &finder.rims);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, graph->patch_count, sizeof *finder.piece_of, &finder.piece_of);
+    if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, graph->patch_count, sizeof *finder.gone, &finder.gone);
+    if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, 2 * (size_t)graph->edge_count, 1, &finder.visited);
+    if (status == STATUS_OK)
+        status = take_pieces(&finder);
+    if (status == STATUS_OK)
+        status = list_pieces(&finder);
+    if (status == STATUS_OK)
+        status = list_large(&finder);
+    if (status == STATUS_OK)
+        status = peel(&finder);
+    if (status == STATUS_OK)
+        status = report_features(&finder, of_patch, list);
+    finder_clear(&finder);
+    return status;
+}
+
+/* ---- components ---- */
+
+enum status specks_find(struct chain_graph *graph, double size, uint32_t *of_patch,
+                            struct feature_list *list)
+{
+    struct context *ctx = graph->ctx;
+    struct finder finder = {.graph = graph};
+    uint32_t *numbers = NULL;
+    /* Without any rim the pieces are the components. */
+    finder.rims.half_edge_count = 2 * (size_t)graph->edge_count;
+    enum status status = memory_take_zeroed(ctx, finder.rims.half_edge_count, 1,
+                                            &finder.rims.strength);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, graph->patch_count, sizeof *finder.piece_of, &finder.piece_of);
+    if (status == STATUS_OK)
+        status = take_pieces(&finder);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, finder.piece_count, sizeof *numbers, &numbers);
+    for (uint32_t i = 0; i < finder.piece_count && status == STATUS_OK; i++) {
+        const struct piece *piece = &finder.pieces[i];
+        struct feature feature = {.kind = FEATURE_COMPONENT,
+                                  .size = vec3_distance(piece->low, piece->high)};
+        numbers[i] = NO_INDEX;
+        if (feature.size >= size)
+            continue;
+        vec3_store(feature.place, vec3_scale(vec3_add(piece->low, piece->high), 0.5));
+        numbers[i] = (uint32_t)list->count;
+        status = feature_list_add(ctx, list, &feature);
+    }
+    for (uint32_t p = 0; p < graph->patch_count && status == STATUS_OK; p++)
+        if (numbers[finder.piece_of[p]] != NO_INDEX)
+            of_patch[p] = numbers[finder.piece_of[p]];
+    memory_release(ctx, &numbers, finder.piece_count, sizeof *numbers);
+    finder_clear(&finder);
+    return status;
+}

@@ -1,0 +1,861 @@
+/*
+ * Planes by the fewest triangles.
+ *
+ * Faces are joined into planes from the largest face on, so that a plane's normal is that of a face
+ * that has one. The outlines of the planes are chains between corners; of a chain only those
+ * vertices stay that it bends at. What is left of each outline, one outer loop and the holes, is
+ * bridged into one polygon and triangulated. All of this is done first and judged last: a plane whose
+ * polygon can't be triangulated without repeating an edge is marked to stay as it is, its outline is
+ * put back, and everything is done again, until all are content.
+ */
+#include "simplify/topology_planes.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/radix_sort.h"
+#include "geom/triangulate.h"
+#include "geom/vec.h"
+#include "simplify/topology_surgery.h"
+
+struct plane {
+    struct vec3 normal;
+    double offset;
+    uint32_t face_count;
+    uint32_t first_loop, loop_count;
+    bool frozen; /* stays as it is */
+};
+
+struct outline_loop {
+    uint32_t plane;
+    uint32_t first; /* half-edge */
+};
+
+struct merger {
+    struct context *ctx;
+    struct mesh *mesh;
+    double cosine, tolerance;
+    size_t face_count, vertex_count;
+    uint32_t *twins;    /* a half-edge 3f+k; NO_INDEX at the border */
+    uint32_t *plane_of; /* a face */
+    struct plane *planes;
+    size_t plane_count, plane_capacity;
+    uint32_t *queue; /* faces */
+    uint8_t *degrees; /* a vertex: outline edges that meet there, up to 3 */
+    uint8_t *kept;    /* a vertex: it stays on outlines */
+    uint8_t *visited; /* a half-edge */
+    struct outline_loop *loops;
+    size_t loop_count, loop_capacity;
+    uint32_t *chain; /* vertices of the chain in hand */
+    uint8_t *chain_kept;
+    size_t chain_capacity, chain_kept_capacity;
+    struct pair_set taken;
+    uint32_t *polygon; /* vertices, holes bridged */
+    size_t polygon_count, polygon_capacity;
+    uint32_t *hole; /* vertices of a loop */
+    size_t hole_count, hole_capacity;
+    struct hole_place *holes;
+    size_t hole_places, hole_place_capacity;
+    double *points;
+    size_t point_capacity;
+    uint32_t *triangles;
+    size_t triangle_capacity;
+    struct triangulation_workspace workspace;
+    uint32_t *faces; /* the result */
+    size_t out_count, out_capacity;
+};
+
+struct hole_place {
+    double x;      /* of its rightmost vertex */
+    uint32_t loop; /* number */
+    uint32_t at;   /* the vertex' place in the loop */
+};
+
+static struct vec3 point_of(const struct merger *merger, uint32_t vertex)
+{
+    return vec3_load(merger->mesh->positions + 3 * (size_t)vertex);
+}
+
+static uint32_t start_of(const struct merger *merger, uint32_t h)
+{
+    return merger->mesh->faces[h];
+}
+
+static uint32_t next_in_face(uint32_t h)
+{
+    return h % 3 == 2 ? h - 2 : h + 1;
+}
+
+/* ---- adjacency ---- */
+
+struct edge_key {
+    uint64_t pair;
+    uint32_t half_edge;
+    uint32_t unused;
+};
+
+static enum status find_twins(struct merger *merger)
+{
+    struct context *ctx = merger->ctx;
+    size_t count = 3 * merger->face_count;
+    struct edge_key *keys = NULL, *other = NULL;
+    unsigned char *sorted = NULL;
+    enum status status = memory_take(ctx, count, sizeof *keys, &keys);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, count, sizeof *other, &other);
+    for (size_t h = 0; h < count && status == STATUS_OK; h++) {
+        uint32_t a = start_of(merger, (uint32_t)h);
+        uint32_t b = start_of(merger, next_in_face((uint32_t)h));
+        keys[h] = (struct edge_key){a < b ? (uint64_t)a << 32 | b : (uint64_t)b << 32 | a,
+                                    (uint32_t)h, 0};
+    }
+    if (status == STATUS_OK)
+        status = radix_sort(ctx, (unsigned char *)keys, (unsigned char *)other, count,
+                            sizeof *keys, 1, &sorted);
+    if (status == STATUS_OK) {
+        const struct edge_key *edges = (const struct edge_key *)(const void *)sorted;
+        memset(merger->twins, 0xff, count * sizeof *merger->twins);
+        for (size_t i = 1; i < count; i++)
+            if (edges[i].pair == edges[i - 1].pair) {
+                merger->twins[edges[i].half_edge] = edges[i - 1].half_edge;
+                merger->twins[edges[i - 1].half_edge] = edges[i].half_edge;
+            }
+    }
+    memory_release(ctx, &keys, count, sizeof *keys);
+    memory_release(ctx, &other, count, sizeof *other);
+    return status;
+}
+
+/* ---- planes ---- */
+
+struct area_key {
+    uint64_t key; /* large areas first */
+    uint32_t face;
+    uint32_t unused;
+};
+
+static struct vec3 face_normal(const struct merger *merger, uint32_t face)
+{
+    const uint32_t *corner = merger->mesh->faces + 3 * (size_t)face;
+    return triangle_normal(point_of(merger, corner[0]), point_of(merger, corner[1]),
+                           point_of(merger, corner[2]));
+}
+
+static bool face_fits(const struct merger *merger, const struct plane *plane, uint32_t face)
+{
+    const uint32_t *corner = merger->mesh->faces + 3 * (size_t)face;
+    double longest = 0;
+    for (unsigned k = 0; k < 3; k++) {
+        struct vec3 at = point_of(merger, corner[k]);
+        double side = vec3_distance_squared(at, point_of(merger, corner[(k + 1) % 3]));
+        if (fabs(vec3_dot(plane->normal, at) - plane->offset) > merger->tolerance)
+            return false;
+        longest = side > longest ? side : longest;
+    }
+    struct vec3 normal = face_normal(merger, face);
+    double area = vec3_length(normal);
+    /* Where it is thinner than the tolerance its normal says nothing. */
+    if (area <= merger->tolerance * sqrt(longest))
+        return true;
+    return vec3_dot(normal, plane->normal) >= merger->cosine * area;
+}
+
+static enum status grow_plane(struct merger *merger, uint32_t seed)
+{
+    struct vec3 normal = vec3_normalized(face_normal(merger, seed));
+    uint32_t number = (uint32_t)merger->plane_count;
+    size_t begin = 0, end = 0;
+    enum status status = memory_reserve(merger->ctx, &merger->planes, &merger->plane_capacity,
+                                        merger->plane_count + 1, sizeof *merger->planes);
+    if (status != STATUS_OK)
+        return status;
+    struct plane *plane = &merger->planes[merger->plane_count++];
+    *plane = (struct plane){
+        .normal = normal,
+        .offset = vec3_dot(normal, point_of(merger, merger->mesh->faces[3 * (size_t)seed]))};
+    merger->plane_of[seed] = number;
+    merger->queue[end++] = seed;
+    while (begin < end) {
+        uint32_t face = merger->queue[begin++];
+        plane->face_count++;
+        for (unsigned k = 0; k < 3; k++) {
+            uint32_t twin = merger->twins[3 * (size_t)face + k];
+            if (twin == NO_INDEX || merger->plane_of[twin / 3] != NO_INDEX ||
+                !face_fits(merger, plane, twin / 3))
+                continue;
+            merger->plane_of[twin / 3] = number;
+            merger->queue[end++] = twin / 3;
+        }
+    }
+    return STATUS_OK;
+}
+
+static enum status find_planes(struct merger *merger)
+{
+    struct context *ctx = merger->ctx;
+    size_t count = merger->face_count;
+    struct area_key *keys = NULL, *other = NULL;
+    unsigned char *sorted = NULL;
+    enum status status = memory_take(ctx, count, sizeof *keys, &keys);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, count, sizeof *other, &other);
+    for (size_t f = 0; f < count && status == STATUS_OK; f++) {
+        double area = vec3_length_squared(face_normal(merger, (uint32_t)f));
+        uint64_t bits;
+        memcpy(&bits, &area, sizeof bits); /* positive doubles are ordered as their bits are */
+        keys[f] = (struct area_key){~bits, (uint32_t)f, 0};
+    }
+    if (status == STATUS_OK)
+        status = radix_sort(ctx, (unsigned char *)keys, (unsigned char *)other, count, sizeof *keys,
+                            1, &sorted);
+    memset(merger->plane_of, 0xff, count * sizeof *merger->plane_of);
+    for (size_t i = 0; i < count && status == STATUS_OK; i++) {
+        uint32_t face = ((const struct area_key *)(const void *)sorted)[i].face;
+        if (merger->plane_of[face] == NO_INDEX)
+            status = grow_plane(merger, face);
+    }
+    memory_release(ctx, &keys, count, sizeof *keys);
+    memory_release(ctx, &other, count, sizeof *other);
+    return status;
+}
+
+/* ---- outlines ---- */
+
+static bool is_outline(const struct merger *merger, uint32_t h)
+{
+    uint32_t twin = merger->twins[h];
+    return twin == NO_INDEX || merger->plane_of[twin / 3] != merger->plane_of[h / 3];
+}
+
+/* The outline's next half-edge: round the end of h through the plane's own faces. */
+static uint32_t next_outline(const struct merger *merger, uint32_t h)
+{
+    for (h = next_in_face(h); !is_outline(merger, h);)
+        h = next_in_face(merger->twins[h]);
+    return h;
+}
+
+static void count_degrees(struct merger *merger)
+{
+    memset(merger->degrees, 0, merger->vertex_count);
+    for (uint32_t h = 0; h < 3 * merger->face_count; h++) {
+        if (!is_outline(merger, h))
+            continue;
+        uint8_t *start = &merger->degrees[start_of(merger, h)];
+        uint8_t *end = &merger->degrees[start_of(merger, next_in_face(h))];
+        *start = (uint8_t)(*start + (*start < 3));
+        if (merger->twins[h] == NO_INDEX)
+            *end = (uint8_t)(*end + (*end < 3));
+    }
+}
+
+/* Distance from a line that is a point when a and b are equal. */
+static double line_distance(struct vec3 p, struct vec3 a, struct vec3 b)
+{
+    struct vec3 along = vec3_sub(b, a), to = vec3_sub(p, a);
+    double length = vec3_length_squared(along);
+    double t = length > 0 ? vec3_dot(to, along) / length : 0;
+    t = t < 0 ? 0 : t > 1 ? 1 : t;
+    return vec3_distance(p, vec3_add_scaled(a, t, along));
+}
+
+/* Farthest of the chain's vertices between two places from the line; its distance in *distance. */
+static size_t farthest(const struct merger *merger, size_t from, size_t to, double *distance)
+{
+    struct vec3 a = point_of(merger, merger->chain[from]), b = point_of(merger, merger->chain[to]);
+    size_t best = from;
+    *distance = -1;
+    for (size_t i = from + 1; i < to; i++) {
+        double d = line_distance(point_of(merger, merger->chain[i]), a, b);
+        if (d > *distance) {
+            *distance = d;
+            best = i;
+        }
+    }
+    return best;
+}
+
+/* Keeps what the chain bends at, between two kept places. Deepest where chains are curved; there the
+ * halves are about equal. */
+static void keep_bends(struct merger *merger, size_t from, size_t to)
+{
+    while (to - from > 1) {
+        double distance;
+        size_t far = farthest(merger, from, to, &distance);
+        if (distance <= merger->tolerance)
+            return;
+        merger->chain_kept[far] = 1;
+        if (far - from < to - far) {
+            keep_bends(merger, from, far);
+            from = far;
+        } else {
+            keep_bends(merger, far, to);
+            to = far;
+        }
+    }
+}
+
+static enum status add_chain_vertex(struct merger *merger, size_t *count, uint32_t vertex)
+{
+    enum status status = memory_reserve(merger->ctx, &merger->chain, &merger->chain_capacity,
+                                        *count + 1, sizeof *merger->chain);
+    if (status == STATUS_OK)
+        status = memory_reserve(merger->ctx, &merger->chain_kept, &merger->chain_kept_capacity,
+                                *count + 1, 1);
+    if (status == STATUS_OK) {
+        merger->chain_kept[*count] = 0;
+        merger->chain[(*count)++] = vertex;
+    }
+    return status;
+}
+
+/* Takes over what was decided for a chain, unless an edge would be there twice: then all stay. */
+static enum status settle_chain(struct merger *merger, size_t count, bool keep_all)
+{
+    uint32_t last = merger->chain[0];
+    for (size_t i = 1; i < count && !keep_all; i++)
+        if (merger->chain_kept[i]) {
+            keep_all = pair_set_has(&merger->taken, last, merger->chain[i]);
+            last = merger->chain[i];
+        }
+    last = merger->chain[0];
+    merger->kept[last] = 1;
+    for (size_t i = 1; i < count; i++) {
+        if (!keep_all && !merger->chain_kept[i])
+            continue;
+        enum status status = pair_set_add(merger->ctx, &merger->taken, last, merger->chain[i]);
+        if (status != STATUS_OK)
+            return status;
+        last = merger->chain[i];
+        merger->kept[last] = 1;
+    }
+    return STATUS_OK;
+}
+
+static bool is_frozen(const struct merger *merger, uint32_t h)
+{
+    uint32_t twin = merger->twins[h];
+    return merger->planes[merger->plane_of[h / 3]].frozen ||
+           (twin != NO_INDEX && merger->planes[merger->plane_of[twin / 3]].frozen);
+}
+
+/* A chain is seen from both of its planes; the one with the lower number takes it. */
+static bool is_taken_here(const struct merger *merger, uint32_t h)
+{
+    uint32_t twin = merger->twins[h];
+    return twin == NO_INDEX || merger->plane_of[h / 3] < merger->plane_of[twin / 3];
+}
+
+static enum status simplify_chain(struct merger *merger, uint32_t first, bool is_closed)
+{
+    size_t count = 0;
+    uint32_t h = first;
+    enum status status = add_chain_vertex(merger, &count, start_of(merger, h));
+    for (bool more = true; more && status == STATUS_OK;) {
+        uint32_t end = start_of(merger, next_in_face(h));
+        merger->visited[h] = 1;
+        if (merger->twins[h] != NO_INDEX)
+            merger->visited[merger->twins[h]] = 1;
+        status = add_chain_vertex(merger, &count, end);
+        h = next_outline(merger, h);
+        more = is_closed ? h != first : merger->degrees[end] == 2;
+    }
+    if (status != STATUS_OK)
+        return status;
+    merger->chain_kept[0] = merger->chain_kept[count - 1] = 1;
+    if (is_closed) {
+        double distance;
+        size_t far = farthest(merger, 0, count - 1, &distance);
+        merger->chain_kept[far] = 1;
+        keep_bends(merger, 0, far);
+        keep_bends(merger, far, count - 1);
+    } else
+        keep_bends(merger, 0, count - 1);
+    /* Two planes that have nothing but one loop must not become the same triangle. */
+    size_t kept = 0, least = !is_closed ? 0 : merger->twins[first] == NO_INDEX ? 4 : 5;
+    for (size_t i = 0; i < count; i++)
+        kept += merger->chain_kept[i];
+    return settle_chain(merger, count, is_frozen(merger, first) || kept < least);
+}
+
+/* Chains of one edge first: they can't give way when another comes to lie on them. */
+static enum status simplify_chains(struct merger *merger)
+{
+    enum status status = STATUS_OK;
+    size_t half_edges = 3 * merger->face_count;
+    memset(merger->visited, 0, half_edges);
+    memset(merger->kept, 0, merger->vertex_count);
+    for (unsigned turn = 0; turn < 3; turn++)
+        for (uint32_t h = 0; h < half_edges && status == STATUS_OK; h++) {
+            if (!is_outline(merger, h) || merger->visited[h] || !is_taken_here(merger, h))
+                continue;
+            bool starts = merger->degrees[start_of(merger, h)] != 2;
+            bool ends = merger->degrees[start_of(merger, next_in_face(h))] != 2;
+            if ((turn == 0 && starts && ends) || (turn == 1 && starts) || turn == 2)
+                status = simplify_chain(merger, h, turn == 2);
+        }
+    return status;
+}
+
+/* ---- polygons ---- */
+
+static enum status find_loops(struct merger *merger)
+{
+    size_t half_edges = 3 * merger->face_count;
+    enum status status = STATUS_OK;
+    memset(merger->visited, 0, half_edges);
+    merger->loop_count = 0;
+    for (size_t i = 0; i < merger->plane_count; i++)
+        merger->planes[i].loop_count = 0;
+    for (uint32_t first = 0; first < half_edges && status == STATUS_OK; first++) {
+        uint32_t h = first;
+        if (!is_outline(merger, h) || merger->visited[h])
+            continue;
+        do {
+            merger->visited[h] = 1;
+            h = next_outline(merger, h);
+        } while (h != first);
+        status = memory_reserve(merger->ctx, &merger->loops, &merger->loop_capacity,
+                                merger->loop_count + 1, sizeof *merger->loops);
+        if (status == STATUS_OK) {
+            merger->loops[merger->loop_count++] =
+                (struct outline_loop){merger->plane_of[first / 3], first};
+            merger->planes[merger->plane_of[first / 3]].loop_count++;
+        }
+    }
+    return status;
+}
+
+static int compare_loops(const void *a, const void *b)
+{
+    const struct outline_loop *x = a, *y = b;
+    if (x->plane != y->plane)
+        return x->plane < y->plane ? -1 : 1;
+    return x->first < y->first ? -1 : x->first > y->first;
+}
+
+static void sort_loops(struct merger *merger)
+{
+    qsort(merger->loops, merger->loop_count, sizeof *merger->loops, compare_loops);
+    uint32_t next = 0;
+    for (size_t i = 0; i < merger->plane_count; i++) {
+        merger->planes[i].first_loop = next;
+        next += merger->planes[i].loop_count;
+    }
+}
+
+/* The kept vertices of a loop, in merger->hole. Returns twice its signed area about the normal. */
+static enum status take_loop(struct merger *merger, uint32_t loop, double *area)
+{
+    uint32_t first = merger->loops[loop].first, h = first;
+    struct vec3 sum = {0, 0, 0}, origin = point_of(merger, start_of(merger, first));
+    merger->hole_count = 0;
+    do {
+        uint32_t v = start_of(merger, h);
+        if (merger->kept[v]) {
+            enum status status = memory_reserve(merger->ctx, &merger->hole, &merger->hole_capacity,
+                                                merger->hole_count + 1, sizeof *merger->hole);
+            if (status != STATUS_OK)
+                return status;
+            merger->hole[merger->hole_count++] = v;
+        }
+        sum = vec3_add(sum, triangle_normal(origin, point_of(merger, v),
+                                            point_of(merger, start_of(merger, next_in_face(h)))));
+        h = next_outline(merger, h);
+    } while (h != first);
+    *area = vec3_dot(sum, merger->planes[merger->loops[loop].plane].normal);
+    return STATUS_OK;
+}
+
+struct axes {
+    struct vec3 u, v;
+};
+
+static struct axes axes_of(struct vec3 normal)
+{
+    struct vec3 helper = fabs(normal.x) < 0.6 ? vec3_make(1, 0, 0) : vec3_make(0, 1, 0);
+    struct axes axes = {.u = vec3_normalized(vec3_cross(normal, helper))};
+    axes.v = vec3_cross(normal, axes.u);
+    return axes;
+}
+
+struct flat {
+    double x, y;
+};
+
+static struct flat flat_of(const struct merger *merger, const struct axes *axes, uint32_t vertex)
+{
+    struct vec3 at = point_of(merger, vertex);
+    return (struct flat){vec3_dot(at, axes->u), vec3_dot(at, axes->v)};
+}
+
+static double turn_of(struct flat a, struct flat b, struct flat c)
+{
+    return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+}
+
+/*
+ * The place of the polygon that a hole's rightmost vertex m can be joined to: the ray to the right
+ * meets an edge first; its right end is seen from m, unless a corner lies in the triangle between;
+ * then it is the one nearest in angle to the ray (Eberly). polygon_count when there is none.
+ */
+static size_t find_bridge(const struct merger *merger, const struct axes *axes, struct flat m)
+{
+    size_t n = merger->polygon_count, best = n;
+    double hit = INFINITY;
+    for (size_t i = 0; i < n; i++) {
+        size_t j = i + 1 == n ? 0 : i + 1;
+        struct flat a = flat_of(merger, axes, merger->polygon[i]);
+        struct flat b = flat_of(merger, axes, merger->polygon[j]);
+        /* The inside is left of the polygon: the edges that m sees to its right go up. */
+        if (!(a.y <= m.y && b.y > m.y))
+            continue;
+        double x = a.x + (b.x - a.x) * (m.y - a.y) / (b.y - a.y);
+        if (x >= m.x && x < hit) {
+            hit = x;
+            best = a.x > b.x ? i : j;
+        }
+    }
+    if (best == n)
+        return n;
+    struct flat p = flat_of(merger, axes, merger->polygon[best]), at = {hit, m.y};
+    double least = INFINITY, nearest = INFINITY;
+    size_t chosen = best;
+    bool is_above = p.y > m.y;
+    for (size_t i = 0; i < n; i++) {
+        struct flat q = flat_of(merger, axes, merger->polygon[i]);
+        struct flat before = flat_of(merger, axes, merger->polygon[i == 0 ? n - 1 : i - 1]);
+        struct flat after = flat_of(merger, axes, merger->polygon[i + 1 == n ? 0 : i + 1]);
+        if (q.x <= m.x)
+            continue;
+        double x = turn_of(m, at, q), y = turn_of(at, p, q), z = turn_of(p, m, q);
+        if (!(is_above ? x >= 0 && y >= 0 && z >= 0 : x <= 0 && y <= 0 && z <= 0))
+            continue;
+        /* m must lie in the corner: copies of a vertex differ in this. */
+        bool reflex = turn_of(before, q, after) < 0;
+        bool left_of_before = turn_of(before, q, m) > 0, left_of_after = turn_of(q, after, m) > 0;
+        if (!(reflex ? left_of_before || left_of_after : left_of_before && left_of_after))
+            continue;
+        double slope = fabs(q.y - m.y) / (q.x - m.x), far = q.x - m.x;
+        if (slope < least || (slope == least && far < nearest)) {
+            least = slope;
+            nearest = far;
+            chosen = i;
+        }
+    }
+    return chosen;
+}
+
+/* Puts the loop in merger->hole, from place `at` on, into the polygon behind place `bridge`. */
+static enum status insert_hole(struct merger *merger, size_t bridge, size_t at)
+{
+    size_t n = merger->polygon_count, m = merger->hole_count;
+    enum status status = memory_reserve(merger->ctx, &merger->polygon, &merger->polygon_capacity,
+                                        n + m + 2, sizeof *merger->polygon);
+    if (status != STATUS_OK)
+        return status;
+    uint32_t *polygon = merger->polygon, join = polygon[bridge];
+    memmove(polygon + bridge + m + 3, polygon + bridge + 1, (n - bridge - 1) * sizeof *polygon);
+    for (size_t i = 0; i <= m; i++)
+        polygon[bridge + 1 + i] = merger->hole[(at + i) % m];
+    polygon[bridge + m + 2] = join;
+    merger->polygon_count = n + m + 2;
+    return STATUS_OK;
+}
+
+static int compare_holes(const void *a, const void *b)
+{
+    const struct hole_place *x = a, *y = b;
+    if (x->x != y->x)
+        return x->x > y->x ? -1 : 1;
+    return x->loop < y->loop ? -1 : x->loop > y->loop;
+}
+
+/* The outer loop goes to `polygon`, the others to `holes`, rightmost first. */
+static enum status sort_outline(struct merger *merger, const struct plane *plane,
+                                const struct axes *axes, bool *possible)
+{
+    size_t outer = 0;
+    merger->hole_places = 0;
+    for (uint32_t i = 0; i < plane->loop_count; i++) {
+        double area;
+        enum status status = take_loop(merger, plane->first_loop + i, &area);
+        if (status == STATUS_OK)
+            status = memory_reserve(merger->ctx, &merger->holes, &merger->hole_place_capacity,
+                                    merger->hole_places + 1, sizeof *merger->holes);
+        if (status == STATUS_OK && area > 0)
+            status = memory_reserve(merger->ctx, &merger->polygon, &merger->polygon_capacity,
+                                    merger->hole_count, sizeof *merger->polygon);
+        if (status != STATUS_OK)
+            return status;
+        if (merger->hole_count < 3) {
+            *possible = false;
+            return STATUS_OK;
+        }
+        if (area > 0) {
+            memcpy(merger->polygon, merger->hole, merger->hole_count * sizeof *merger->hole);
+            merger->polygon_count = merger->hole_count;
+            outer++;
+            continue;
+        }
+        struct hole_place place = {-INFINITY, plane->first_loop + i, 0};
+        for (uint32_t k = 0; k < merger->hole_count; k++) {
+            double x = flat_of(merger, axes, merger->hole[k]).x;
+            if (x > place.x) {
+                place.x = x;
+                place.at = k;
+            }
+        }
+        merger->holes[merger->hole_places++] = place;
+    }
+    *possible = outer == 1;
+    if (merger->hole_places > 1)
+        qsort(merger->holes, merger->hole_places, sizeof *merger->holes, compare_holes);
+    return STATUS_OK;
+}
+
+static enum status bridge_holes(struct merger *merger, const struct axes *axes, bool *possible)
+{
+    for (size_t i = 0; i < merger->hole_places && *possible; i++) {
+        double area;
+        enum status status = take_loop(merger, merger->holes[i].loop, &area);
+        if (status != STATUS_OK)
+            return status;
+        uint32_t vertex = merger->hole[merger->holes[i].at];
+        size_t bridge = find_bridge(merger, axes, flat_of(merger, axes, vertex));
+        *possible = bridge < merger->polygon_count && merger->polygon[bridge] != vertex &&
+                    !pair_set_has(&merger->taken, merger->polygon[bridge], vertex);
+        if (!*possible)
+            break;
+        status = pair_set_add(merger->ctx, &merger->taken, merger->polygon[bridge], vertex);
+        if (status == STATUS_OK)
+            status = insert_hole(merger, bridge, merger->holes[i].at);
+        if (status != STATUS_OK)
+            return status;
+    }
+    return STATUS_OK;
+}
+
+static bool diagonal_is_free(void *user, uint32_t i, uint32_t j)
+{
+    const struct merger *merger = user;
+    uint32_t a = merger->polygon[i], b = merger->polygon[j];
+    return a != b && !pair_set_has(&merger->taken, a, b);
+}
+
+/* Enters the diagonals of the polygon's triangles; false if two are the same. */
+static enum status take_diagonals(struct merger *merger, bool *possible)
+{
+    uint32_t n = (uint32_t)merger->polygon_count;
+    for (size_t i = 0; i < 3 * ((size_t)n - 2) && *possible; i++) {
+        uint32_t from = merger->triangles[i];
+        uint32_t to = merger->triangles[i % 3 == 2 ? i - 2 : i + 1];
+        if (from > to || from + 1 == to || (from == 0 && to == n - 1))
+            continue;
+        uint32_t a = merger->polygon[from], b = merger->polygon[to];
+        *possible = a != b && !pair_set_has(&merger->taken, a, b);
+        enum status status = pair_set_add(merger->ctx, &merger->taken, a, b);
+        if (status != STATUS_OK)
+            return status;
+    }
+    return STATUS_OK;
+}
+
+static enum status add_face(struct merger *merger, uint32_t a, uint32_t b, uint32_t c)
+{
+    enum status status = memory_reserve(merger->ctx, &merger->faces, &merger->out_capacity,
+                                        3 * (merger->out_count + 1), sizeof *merger->faces);
+    if (status == STATUS_OK) {
+        uint32_t *face = merger->faces + 3 * merger->out_count++;
+        face[0] = a;
+        face[1] = b;
+        face[2] = c;
+    }
+    return status;
+}
+
+/* Triangulates the plane from its loops; *possible says whether that worked. */
+static enum status triangulate_plane(struct merger *merger, const struct plane *plane,
+                                     bool *possible)
+{
+    struct axes axes = axes_of(plane->normal);
+    const double normal[3] = {plane->normal.x, plane->normal.y, plane->normal.z};
+    enum triangulation_quality quality;
+    enum status status = sort_outline(merger, plane, &axes, possible);
+    if (status == STATUS_OK && *possible)
+        status = bridge_holes(merger, &axes, possible);
+    if (status != STATUS_OK || !*possible)
+        return status;
+    size_t n = merger->polygon_count;
+    status = memory_reserve(merger->ctx, &merger->points, &merger->point_capacity, 3 * n,
+                            sizeof *merger->points);
+    if (status == STATUS_OK)
+        status = memory_reserve(merger->ctx, &merger->triangles, &merger->triangle_capacity,
+                                3 * (n - 2), sizeof *merger->triangles);
+    if (status != STATUS_OK)
+        return status;
+    for (size_t i = 0; i < n; i++)
+        vec3_store(merger->points + 3 * i, point_of(merger, merger->polygon[i]));
+    status = triangulate(merger->ctx, &merger->workspace, merger->points, (uint32_t)n, normal,
+                         diagonal_is_free, merger, merger->triangles, &quality);
+    *possible = status == STATUS_OK && quality <= TRIANGULATION_OVERLAPPING;
+    if (*possible)
+        status = take_diagonals(merger, possible);
+    for (size_t i = 0; i < n - 2 && *possible && status == STATUS_OK; i++)
+        status = add_face(merger, merger->polygon[merger->triangles[3 * i]],
+                          merger->polygon[merger->triangles[3 * i + 1]],
+                          merger->polygon[merger->triangles[3 * i + 2]]);
+    return status;
+}
+
+/* Edges inside frozen planes are there before any other. */
+static enum status copy_frozen(struct merger *merger)
+{
+    enum status status = STATUS_OK;
+    pair_set_clear(merger->ctx, &merger->taken);
+    for (uint32_t h = 0; h < 3 * merger->face_count && status == STATUS_OK; h++)
+        if (merger->planes[merger->plane_of[h / 3]].frozen) {
+            uint32_t a = start_of(merger, h), b = start_of(merger, next_in_face(h));
+            if (!is_outline(merger, h))
+                status = pair_set_add(merger->ctx, &merger->taken, a, b);
+            if (status == STATUS_OK && h % 3 == 0)
+                status = add_face(merger, a, b, start_of(merger, h + 2));
+        }
+    return status;
+}
+
+/* One attempt with the planes that are frozen now; counts those that must be frozen, too. */
+static enum status attempt(struct merger *merger, size_t *refused)
+{
+    *refused = merger->out_count = 0;
+    enum status status = copy_frozen(merger);
+    if (status == STATUS_OK)
+        status = simplify_chains(merger);
+    for (size_t i = 0; i < merger->plane_count && status == STATUS_OK; i++) {
+        struct plane *plane = &merger->planes[i];
+        bool possible = true;
+        if (plane->frozen)
+            continue;
+        status = triangulate_plane(merger, plane, &possible);
+        plane->frozen = !possible;
+        *refused += !possible;
+    }
+    return status;
+}
+
+/* ---- the result ---- */
+
+/* Drops vertices that no face uses. */
+static enum status compact(struct merger *merger)
+{
+    struct mesh *mesh = merger->mesh;
+    size_t stride = mesh->attributes.stride;
+    uint32_t *numbers, next = 0;
+    enum status status =
+        memory_take(merger->ctx, merger->vertex_count, sizeof *numbers, &numbers);
+    if (status != STATUS_OK)
+        return status;
+    memset(numbers, 0xff, merger->vertex_count * sizeof *numbers);
+    for (size_t i = 0; i < 3 * merger->out_count; i++)
+        numbers[merger->faces[i]] = 0;
+    for (size_t v = 0; v < merger->vertex_count; v++)
+        if (numbers[v] == 0) {
+            memmove(mesh->positions + 3 * (size_t)next, mesh->positions + 3 * v,
+                    3 * sizeof *mesh->positions);
+            if (stride)
+                memmove(mesh->records + next * stride, mesh->records + v * stride, stride);
+            numbers[v] = next++;
+        }
+    for (size_t i = 0; i < 3 * merger->out_count; i++)
+        merger->faces[i] = numbers[merger->faces[i]];
+    memory_release(merger->ctx, &numbers, merger->vertex_count, sizeof *numbers);
+    /* Shrinking can't fail for want of room; if it does, that is a failure like any other. */
+    status = memory_resize(merger->ctx, &mesh->positions, 3 * mesh->vertex_count, 3 * (size_t)next,
+                           sizeof *mesh->positions);
+    if (status == STATUS_OK && stride)
+        status = memory_resize(merger->ctx, &mesh->records, mesh->vertex_count, next, stride);
+    if (status == STATUS_OK)
+        mesh->vertex_count = next;
+    if (status == STATUS_OK)
+        status = memory_resize(merger->ctx, &mesh->faces, 3 * mesh->face_count,
+                               3 * merger->out_count, sizeof *mesh->faces);
+    if (status == STATUS_OK) {
+        mesh->face_count = merger->out_count;
+        memcpy(mesh->faces, merger->faces, 3 * merger->out_count * sizeof *mesh->faces);
+    }
+    return status;
+}
+
+static enum status take_arrays(struct merger *merger)
+{
+    struct context *ctx = merger->ctx;
+    size_t half_edges = 3 * merger->face_count;
+    enum status status = memory_take(ctx, half_edges, sizeof *merger->twins, &merger->twins);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, merger->face_count, sizeof *merger->plane_of, &merger->plane_of);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, merger->face_count, sizeof *merger->queue, &merger->queue);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, merger->vertex_count, 1, &merger->degrees);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, merger->vertex_count, 1, &merger->kept);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, half_edges, 1, &merger->visited);
+    return status;
+}
+
+static void release(struct merger *merger)
+{
+    struct context *ctx = merger->ctx;
+    size_t half_edges = 3 * merger->face_count;
+    memory_release(ctx, &merger->twins, half_edges, sizeof *merger->twins);
+    memory_release(ctx, &merger->plane_of, merger->face_count, sizeof *merger->plane_of);
+    memory_release(ctx, &merger->queue, merger->face_count, sizeof *merger->queue);
+    memory_release(ctx, &merger->degrees, merger->vertex_count, 1);
+    memory_release(ctx, &merger->kept, merger->vertex_count, 1);
+    memory_release(ctx, &merger->visited, half_edges, 1);
+    memory_release(ctx, &merger->planes, merger->plane_capacity, sizeof *merger->planes);
+    memory_release(ctx, &merger->loops, merger->loop_capacity, sizeof *merger->loops);
+    memory_release(ctx, &merger->chain, merger->chain_capacity, sizeof *merger->chain);
+    memory_release(ctx, &merger->chain_kept, merger->chain_kept_capacity, 1);
+    memory_release(ctx, &merger->polygon, merger->polygon_capacity, sizeof *merger->polygon);
+    memory_release(ctx, &merger->hole, merger->hole_capacity, sizeof *merger->hole);
+    memory_release(ctx, &merger->holes, merger->hole_place_capacity, sizeof *merger->holes);
+    memory_release(ctx, &merger->points, merger->point_capacity, sizeof *merger->points);
+    memory_release(ctx, &merger->triangles, merger->triangle_capacity, sizeof *merger->triangles);
+    memory_release(ctx, &merger->faces, merger->out_capacity, sizeof *merger->faces);
+    pair_set_clear(ctx, &merger->taken);
+    triangulation_workspace_clear(ctx, &merger->workspace);
+}
+
+enum status planes_merge(struct context *ctx, struct mesh *mesh, double cosine, double tolerance)
+{
+    struct merger merger = {.ctx = ctx,
+                            .mesh = mesh,
+                            .cosine = cosine,
+                            .tolerance = tolerance,
+                            .face_count = mesh->face_count,
+                            .vertex_count = mesh->vertex_count};
+    size_t refused = 1;
+    if (mesh->face_count == 0)
+        return STATUS_OK;
+    enum status status = take_arrays(&merger);
+    if (status == STATUS_OK)
+        status = find_twins(&merger);
+    if (status == STATUS_OK)
+        status = find_planes(&merger);
+    if (status == STATUS_OK) {
+        count_degrees(&merger);
+        status = find_loops(&merger);
+    }
+    if (status == STATUS_OK)
+        sort_loops(&merger);
+    while (status == STATUS_OK && refused > 0)
+        status = attempt(&merger, &refused);
+    if (status == STATUS_OK)
+        status = compact(&merger);
+    release(&merger);
+    return status;
+}

@@ -1,0 +1,191 @@
+/*
+ * Finding rims.
+ *
+ * The dissertation follows sharp chains from one to the next until they close, which needs luck
+ * where more than two meet. Here the patches are joined over all chains that are not sharp; the
+ * borders of the smooth regions that come out are closed loops by themselves, whatever their form.
+ * A loop whose region is flat along it (the normals are those of the loop's plane, not orthogonal to
+ * it) and lies outside it (the loop runs clockwise about the region's normals) is a rim: the wall
+ * of a hole, bump or cavity begins there.
+ *
+ * This is done twice. First with the sharp angle. Then with a small angle, so that planes end
+ * where they bend at all: that finds the rims that are chamfered or filleted over several edges,
+ * none of which is sharp by itself. Whether what lies inside is steep is asked later
+ * (topology_features.c).
+ */
+#include "simplify/topology_rims.h"
+
+#include <string.h>
+
+#include "base/memory.h"
+
+/* cos 10: beyond it a plane ends. */
+static const double plane_cosine = 0.984807753012208;
+
+/* How closely the normals along a rim must follow the loop's: sharp rims may lie on curved walls. */
+static const double flat_sharp = 0.6, flat_plane = 0.94;
+
+/* By how much the flat side must be flatter than the wall. */
+static const double flat_margin = 0.1;
+
+struct search {
+    struct chain_graph *graph;
+    const struct rim_options *options;
+    const uint32_t *skip;
+    struct rim_set *rims;
+    uint32_t *regions; /* a patch: number of its region, after being a forest of joined patches */
+    uint8_t *visited;  /* a half-edge */
+    struct loop_points points;
+};
+
+/* ---- smooth regions ---- */
+
+static uint32_t root_of(uint32_t *parents, uint32_t i)
+{
+    while (parents[i] != i) {
+        parents[i] = parents[parents[i]];
+        i = parents[i];
+    }
+    return i;
+}
+
+/* The lower number wins, so that the result does not depend on the order. */
+static void join(uint32_t *parents, uint32_t a, uint32_t b)
+{
+    a = root_of(parents, a);
+    b = root_of(parents, b);
+    if (a < b)
+        parents[b] = a;
+    else
+        parents[a] = b;
+}
+
+static bool is_smooth(const struct search *search, uint32_t edge, double least, double most)
+{
+    const struct half_edge *half_edges = search->graph->half_edges;
+    uint32_t a = half_edges[2 * (size_t)edge].patch, b = half_edges[2 * (size_t)edge + 1].patch;
+    if (a == NO_PATCH || b == NO_PATCH)
+        return false;
+    double cosine = vec3_dot(patch_normal(search->graph, a), patch_normal(search->graph, b));
+    return cosine >= least || cosine < most;
+}
+
+static void find_regions(struct search *search, double least, double most)
+{
+    struct chain_graph *graph = search->graph;
+    for (uint32_t p = 0; p < graph->patch_count; p++)
+        search->regions[p] = p;
+    for (uint32_t e = 0; e < graph->edge_count; e++)
+        if (is_smooth(search, e, least, most))
+            join(search->regions, graph->half_edges[2 * (size_t)e].patch,
+                 graph->half_edges[2 * (size_t)e + 1].patch);
+    for (uint32_t p = 0; p < graph->patch_count; p++)
+        search->regions[p] = root_of(search->regions, p);
+}
+
+/* ---- loops ---- */
+
+static bool box_exceeds(const struct surface_loop *loop, double size)
+{
+    for (unsigned c = 0; c < 3; c++)
+        if (loop->high[c] - loop->low[c] >= size)
+            return true;
+    return false;
+}
+
+static enum status keep_large(struct search *search, const struct surface_loop *loop)
+{
+    struct rim_set *rims = search->rims;
+    enum status status = memory_reserve(search->graph->ctx, &rims->large, &rims->large_capacity,
+                                        rims->large_count + 1, sizeof *rims->large);
+    if (status == STATUS_OK)
+        rims->large[rims->large_count++] = (struct large_loop){loop->first, loop->normal};
+    return status;
+}
+
+static void mark_rim(struct search *search, const struct surface_loop *loop, bool is_sharp)
+{
+    double flat = -loop->flat_left > 1 ? 1 : -loop->flat_left;
+    uint8_t strength = (uint8_t)(flat * 100 + (is_sharp ? 100 : 1));
+    search->rims->rim_count++;
+    for (uint32_t i = 0; i < search->points.count; i++) {
+        uint8_t *mark = search->rims->strength + search->points.half_edges[i];
+        *mark = strength > *mark ? strength : *mark;
+    }
+}
+
+static enum status judge_loop(struct search *search, uint32_t first, bool is_sharp)
+{
+    struct chain_graph *graph = search->graph;
+    struct surface_loop loop;
+    double size = 0;
+    enum status status = loop_trace(graph, search->regions, first, &search->points, &loop);
+    if (status != STATUS_OK)
+        return status;
+    for (uint32_t i = 0; i < search->points.count; i++)
+        search->visited[search->points.half_edges[i]] = 1;
+    bool is_large = box_exceeds(&loop, search->options->size);
+    if (!is_large) {
+        status = loop_size(graph->ctx, &search->points, search->options->measure, loop.normal,
+                           &size);
+        is_large = size >= search->options->size;
+    }
+    if (status != STATUS_OK)
+        return status;
+    if (is_large)
+        return is_sharp ? keep_large(search, &loop) : STATUS_OK;
+    double flat = is_sharp ? flat_sharp : flat_plane;
+    if (-loop.flat_left >= flat &&
+        (!is_sharp || -loop.flat_left >= fabs(loop.flat_right) + flat_margin))
+        mark_rim(search, &loop, is_sharp);
+    return STATUS_OK;
+}
+
+static enum status judge_loops(struct search *search, bool is_sharp)
+{
+    struct chain_graph *graph = search->graph;
+    enum status status = STATUS_OK;
+    memset(search->visited, 0, 2 * (size_t)graph->edge_count);
+    for (uint32_t h = 0; h < 2 * graph->edge_count && status == STATUS_OK; h++) {
+        uint32_t left = class_of(graph, search->regions, h);
+        if (left == NO_CLASS || search->visited[h] ||
+            search->skip[graph->half_edges[h].patch] != NO_INDEX ||
+            left == class_of(graph, search->regions, h ^ 1))
+            continue;
+        status = judge_loop(search, h, is_sharp);
+    }
+    return status;
+}
+
+enum status rims_find(struct chain_graph *graph, const struct rim_options *options,
+                      const uint32_t *skip, struct rim_set *rims)
+{
+    struct context *ctx = graph->ctx;
+    struct search search = {.graph = graph, .options = options, .skip = skip, .rims = rims};
+    size_t half_edges = 2 * (size_t)graph->edge_count;
+    rims->half_edge_count = half_edges;
+    enum status status = memory_take_zeroed(ctx, half_edges, 1, &rims->strength);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, half_edges, 1, &search.visited);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, graph->patch_count, sizeof *search.regions, &search.regions);
+    if (status == STATUS_OK) {
+        find_regions(&search, options->sharp_cosine[0], options->sharp_cosine[1]);
+        status = judge_loops(&search, true);
+    }
+    if (status == STATUS_OK) {
+        find_regions(&search, plane_cosine, -2);
+        status = judge_loops(&search, false);
+    }
+    loop_points_clear(ctx, &search.points);
+    memory_release(ctx, &search.visited, half_edges, 1);
+    memory_release(ctx, &search.regions, graph->patch_count, sizeof *search.regions);
+    return status;
+}
+
+void rim_set_clear(struct context *ctx, struct rim_set *rims)
+{
+    memory_release(ctx, &rims->strength, rims->half_edge_count, 1);
+    memory_release(ctx, &rims->large, rims->large_capacity, sizeof *rims->large);
+    memset(rims, 0, sizeof *rims);
+}

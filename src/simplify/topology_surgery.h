@@ -1,0 +1,121 @@
+/*
+ * Surgery on a store that is only streamed: faces are dropped by their patches' features, the loops
+ * that this leaves (and the small border loops that are to be closed) are filled, and what results
+ * is told to a sink, vertices first.
+ */
+#ifndef SPBM_SIMPLIFY_TOPOLOGY_SURGERY_H
+#define SPBM_SIMPLIFY_TOPOLOGY_SURGERY_H
+
+#include "mesh/store.h"
+#include "simplify/patch.h"
+#include "simplify/topology_features.h"
+
+/* Unordered pairs of vertices; grows. */
+struct pair_set {
+    uint64_t *pairs; /* 0: empty; a vertex pair never is, for its larger number is not 0 */
+    size_t capacity; /* a power of two, or 0 */
+    size_t count;
+};
+
+void pair_set_clear(struct context *ctx, struct pair_set *set);
+enum status pair_set_add(struct context *ctx, struct pair_set *set, uint32_t a,
+                         uint32_t b) MUST_CHECK;
+bool pair_set_has(const struct pair_set *set, uint32_t a, uint32_t b);
+
+/* A face that goes with a feature, as the store has it. */
+struct wall_face {
+    uint32_t face;
+    uint32_t vertices[3];
+    uint32_t neighbours[3];
+    uint32_t feature;
+    uint8_t mates;
+};
+
+/* A face's edge on the border of what stays. */
+struct border_edge {
+    uint32_t from, to; /* along the face: the face is on the left */
+    float position[3]; /* of `from` */
+};
+
+/* A loop to be filled, with the fill on its left. */
+struct fill_loop {
+    size_t first; /* into corners */
+    uint32_t count;
+    uint32_t feature;
+};
+
+struct surgery {
+    struct context *ctx;
+    struct store *store;
+    uint64_t *dropped; /* a bit a face of the store */
+    uint64_t dropped_count;
+    struct wall_face *walls;
+    size_t wall_count, wall_capacity;
+    struct border_edge *borders;
+    size_t border_count, border_capacity;
+
+    uint32_t *corners; /* store vertices */
+    size_t corner_count, corner_capacity;
+    struct fill_loop *loops;
+    size_t loop_count, loop_capacity;
+
+    uint32_t *rim_vertices; /* on loops, ascending */
+    float *rim_positions;
+    size_t rim_count, rim_capacity, rim_position_capacity;
+    uint64_t *used; /* a bit a vertex: first, it lies on a loop; at last, it is in the output */
+    struct pair_set taken; /* edges of what stays and of fills between vertices on loops */
+    uint32_t *small_faces; /* faces that stay with all three corners on loops */
+    size_t small_face_count, small_face_capacity;
+
+    uint32_t *fills; /* 3 a face: store vertices */
+    size_t fill_count, fill_capacity;
+};
+
+static inline bool bit_is_set(const uint64_t *bits, size_t i)
+{
+    return bits[i >> 6] >> (i & 63) & 1;
+}
+
+static inline void bit_set(uint64_t *bits, size_t i)
+{
+    bits[i >> 6] |= (uint64_t)1 << (i & 63);
+}
+
+/* `surgery` is all zero but for ctx and store. */
+enum status surgery_begin(struct surgery *surgery) MUST_CHECK;
+void surgery_clear(struct surgery *surgery);
+
+/*
+ * Drops all faces of patches with of_patch[patch] != NO_INDEX (patches of all slabs in order, grown
+ * with `options`), and finds the border edges of what stays. Starts afresh when called again. With
+ * `of_patch` NULL nothing is dropped.
+ */
+enum status surgery_cut(struct surgery *surgery, const struct patch_options *options,
+                        const uint32_t *of_patch, const struct feature_list *list) MUST_CHECK;
+
+/* Adds the loops round what was dropped. blocked[feature] is set where one does not close. */
+enum status surgery_loops(struct surgery *surgery, uint8_t *blocked) MUST_CHECK;
+
+/* Adds one loop. */
+enum status surgery_add_loop(struct surgery *surgery, const uint32_t *corners, uint32_t count,
+                             uint32_t feature) MUST_CHECK;
+
+/* Triangulates all loops; blocked[feature] is set where no fill leaves a manifold. */
+enum status surgery_fill(struct surgery *surgery, uint8_t *blocked) MUST_CHECK;
+
+/* Position of a vertex that lies on a loop, relative to the store's origin; after surgery_fill. */
+const float *surgery_position(const struct surgery *surgery, uint32_t vertex);
+
+/* Where the result goes. */
+struct surgery_sink {
+    enum status (*begin)(void *user, uint64_t vertices, uint64_t faces);
+    enum status (*add_vertices)(void *user, size_t count, const double *positions,
+                                const unsigned char *records);
+    enum status (*add_faces)(void *user, size_t count, const uint32_t *faces);
+    void *user;
+};
+
+/* What stays, in the store's order, and then the fills, with the vertices that are left. */
+enum status surgery_write(struct surgery *surgery, const struct surgery_sink *sink) MUST_CHECK;
+
+#endif

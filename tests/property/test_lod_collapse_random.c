@@ -1,0 +1,225 @@
+/*
+ * Mode collapse over many small slabs: the small meshes of random patches, joined, are manifold
+ * with the topology they came from; so is every level that lod_build writes, whatever the threads,
+ * with the faces asked for.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "mesh/import.h"
+#include "simplify/simplify.h"
+#include "simplify/small_mesh.h"
+#include "test_chains.h"
+#include "test_facts.h"
+#include "test_files.h"
+#include "test_kit.h"
+#include "test_patches.h"
+#include "test_shapes.h"
+
+#define must(call) assert_int_equal((call), STATUS_OK)
+
+enum { SHAPES = 7 };
+
+static struct shape make_shape(unsigned kind, uint64_t *random)
+{
+    const double noise = 0.04 * random_unit(random);
+    struct shape shape, other;
+    switch (kind) {
+    case 0:
+        return shape_noisy_sphere(3, noise, random_next(random));
+    case 1:
+        return shape_noisy_torus(30, 14, noise, random_next(random));
+    case 2:
+        return shape_noisy_slab(20, noise, random_next(random));
+    case 3:
+        return shape_grid_with_holes(20, 16);
+    case 4:
+        return shape_spiral_ramp(3, 24);
+    case 5:
+        return shape_grid(20, 20);
+    default:
+        shape = shape_icosphere(3);
+        other = shape_tetrahedron();
+        shape_append(&shape, &other);
+        shape_free(&other);
+        return shape;
+    }
+}
+
+/* A small mesh as a mesh, for counting. */
+static struct mesh as_mesh(struct context *ctx, const struct small_mesh *small)
+{
+    const struct collapse_mesh *from = &small->triangles;
+    struct mesh mesh = {.vertex_count = from->vertex_count, .face_count = from->face_count};
+    must(memory_take(ctx, mesh.vertex_count, 24, &mesh.positions));
+    must(memory_take(ctx, mesh.face_count, 12, &mesh.faces));
+    for (size_t i = 0; i < 3 * mesh.vertex_count; i++)
+        mesh.positions[i] = (double)from->positions[i];
+    memcpy(mesh.faces, from->faces, 12 * mesh.face_count);
+    return mesh;
+}
+
+/* Joins blocks [0, count) pair by pair along the curve, checking each mesh on the way. */
+static void join_all(struct context *ctx, struct small_mesh *parts, uint32_t count,
+                     struct small_mesh *whole)
+{
+    uint32_t span = 1, nodes = count;
+    while (nodes > 1) {
+        uint32_t parents = 0;
+        for (uint32_t i = 0; i < nodes; i += 3) {
+            const uint32_t width = nodes - i < 3 ? nodes - i : 3;
+            struct small_mesh joined;
+            const uint32_t end = (i + width) * span < count ? (i + width) * span : count;
+            must(small_mesh_join(ctx, 0, i * span, end, parts + i, width, &joined));
+            struct mesh mesh = as_mesh(ctx, &joined);
+            const struct facts facts = facts_of(&mesh);
+            assert_true(facts_manifold(&facts));
+            mesh_clear(ctx, &mesh);
+            parts[parents++] = joined;
+        }
+        nodes = parents;
+        span *= 3;
+    }
+    *whole = parts[0];
+    assert_int_equal(whole->seam_count, 0);
+}
+
+static void small_meshes_keep_the_topology(void **state)
+{
+    (void)state;
+    uint64_t random = 7;
+    struct context ctx;
+    context_init(&ctx);
+    for (unsigned round = 0; round < 20 * SHAPES; round++) {
+        struct shape shape = make_shape(round % SHAPES, &random);
+        struct mesh mesh;
+        struct patch_set set;
+        struct small_workspace space = {0};
+        shape_into_mesh(&ctx, &shape, &mesh);
+        const struct facts was = facts_of(&mesh);
+        const uint32_t blocks = 1 + (uint32_t)random_below(&random, 12);
+        patch_set_build(&mesh, 1 + (uint32_t)random_below(&random, 60), blocks,
+                        random_next(&random), &set);
+        const double tolerance = round % 4 == 0   ? 0
+                                 : round % 4 == 1 ? INFINITY
+                                                  : random_unit(&random) * 0.3;
+        struct small_mesh *parts = calloc(set.block_count, sizeof *parts), whole;
+        assert_non_null(parts);
+        for (uint32_t i = 0; i < set.block_count; i++) {
+            const enum status status =
+                small_mesh_build(&ctx, &space, 0, &set.blocks[i], tolerance, &parts[i]);
+            if (status != STATUS_OK)
+                fail_msg("round %u: %s", round, ctx.error);
+            struct mesh part = as_mesh(&ctx, &parts[i]);
+            const struct facts facts = facts_of(&part);
+            assert_true(facts_manifold(&facts));
+            mesh_clear(&ctx, &part);
+        }
+        join_all(&ctx, parts, set.block_count, &whole);
+        struct mesh joined = as_mesh(&ctx, &whole);
+        const struct facts is = facts_of(&joined);
+        assert_true(facts_manifold(&is));
+        assert_true(facts_same_topology(&was, &is));
+        mesh_clear(&ctx, &joined);
+        small_mesh_clear(&ctx, 0, &whole);
+        small_workspace_clear(&ctx, &space);
+        free(parts);
+        patch_set_free(&set);
+        mesh_clear(&ctx, &mesh);
+    }
+    assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+}
+
+static void make_levels(struct context *ctx, const char *chains, const struct target *target,
+                        enum placement place, const char *output, struct lod_report *report)
+{
+    const struct lod_options options = {.target = *target, .place = place, .output = output};
+    const enum status status = lod_build(ctx, chains, &options, report);
+    if (status != STATUS_TARGET_MISSED)
+        assert_int_equal(status, STATUS_OK);
+}
+
+static void check_level(struct context *ctx, const char *path, const struct facts *was,
+                        const struct level *level)
+{
+    struct mesh mesh;
+    must(mesh_load(ctx, path, &mesh));
+    const struct facts is = facts_of(&mesh);
+    assert_true(facts_manifold(&is));
+    assert_true(facts_same_topology(was, &is));
+    assert_int_equal(mesh.face_count, level->faces);
+    if (level->reason == STOP_REACHED && level->wanted_faces > 0)
+        assert_true(level->faces == level->wanted_faces || level->faces + 1 == level->wanted_faces);
+    mesh_clear(ctx, &mesh);
+}
+
+static void levels_keep_the_topology(void **state)
+{
+    (void)state;
+    uint64_t random = 11;
+    for (unsigned round = 0; round < 6 * SHAPES; round++) {
+        struct shape shape = make_shape(round % SHAPES, &random);
+        struct context ctx;
+        struct mesh mesh;
+        struct slab_set slabs;
+        struct chain_set set;
+        context_init(&ctx);
+        shape_into_mesh(&ctx, &shape, &mesh);
+        const struct facts was = facts_of(&mesh);
+        slab_set_build(&mesh, 60 + (uint32_t)random_below(&random, 700), &slabs);
+        const double angle = 4 + 20 * random_unit(&random);
+        const struct patch_options patch =
+            test_patch_options(angle, angle * 0.9, (uint32_t)random_below(&random, 3));
+        chain_set_build(&ctx, &slabs, &patch, &set);
+        set.info.area = mesh_area(&mesh);
+        set.info.topology.faces = mesh.face_count;
+        char path[2][256], output[2][256], chains[256];
+        snprintf(chains, sizeof chains, "%s", test_path("lod.chains"));
+        chain_set_write(&set, chains, 0);
+        struct target target = {.kind = TARGET_FACES, .count = 2, .mode = MODE_COLLAPSE};
+        target.effort = 1 + round % 3;
+        target.values[0] = (double)(mesh.face_count / 4);
+        target.values[1] = (double)(mesh.face_count / 10);
+        struct lod_report report;
+        for (unsigned threads = 1; threads <= 2; threads++) {
+            ctx.threads = threads;
+            snprintf(output[threads - 1], sizeof output[0], "%s",
+                     test_path(threads == 1 ? "one-%d.ply" : "two-%d.ply"));
+            make_levels(&ctx, chains, &target, round % 2 ? PLACE_SUBSET : PLACE_OPTIMAL,
+                        output[threads - 1], &report);
+        }
+        for (unsigned level = 0; level < report.level_count; level++) {
+            for (int i = 0; i < 2; i++) {
+                char name[32];
+                snprintf(name, sizeof name, "%s-%u.ply", i ? "two" : "one", level);
+                snprintf(path[i], sizeof path[i], "%s", test_path(name));
+            }
+            check_level(&ctx, path[0], &was, &report.levels[level]);
+            size_t size[2];
+            unsigned char *bytes[2] = {test_read_file(path[0], &size[0]),
+                                       test_read_file(path[1], &size[1])};
+            assert_non_null(bytes[0]);
+            assert_non_null(bytes[1]);
+            assert_int_equal(size[0], size[1]);
+            assert_memory_equal(bytes[0], bytes[1], size[0]);
+            free(bytes[0]);
+            free(bytes[1]);
+        }
+        chain_set_free(&set);
+        slab_set_free(&slabs);
+        mesh_clear(&ctx, &mesh);
+        assert_int_equal(ctx.memory_now, 0);
+        context_clear(&ctx);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(small_meshes_keep_the_topology),
+                                       cmocka_unit_test(levels_keep_the_topology)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,400 @@
+/*
+ * Edge collapse on meshes small enough to say what must come out.
+ */
+#include "test_kit.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "base/bytes.h"
+#include "base/memory.h"
+#include "mesh/mesh.h"
+#include "simplify/collapse.h"
+#include "test_facts.h"
+#include "test_shapes.h"
+
+static struct collapse *begin(struct context *ctx, const struct mesh *mesh, uint32_t effort,
+                              bool subset)
+{
+    const struct collapse_options options = {.effort = effort, .subset = subset};
+    struct collapse *collapse;
+    assert_int_equal(collapse_begin(ctx, &options, mesh->vertex_count, mesh->face_count,
+                                    mesh->positions, mesh->faces, &mesh->attributes, mesh->records,
+                                    NULL, NULL, &collapse),
+                     STATUS_OK);
+    return collapse;
+}
+
+static void simplify(struct context *ctx, struct mesh *mesh, uint64_t faces, uint32_t effort,
+                     bool subset, struct mesh *out)
+{
+    struct collapse *collapse = begin(ctx, mesh, effort, subset);
+    assert_int_equal(collapse_run(collapse, faces, INFINITY), STATUS_OK);
+    assert_int_equal(collapse_extract(collapse, out, NULL), STATUS_OK);
+    collapse_end(&collapse);
+}
+
+static void volume_is_kept(void **state)
+{
+    (void)state;
+    struct context ctx;
+    struct mesh mesh, out;
+    context_init(&ctx);
+    for (uint32_t effort = 1; effort <= 3; effort++) {
+        struct shape shape = shape_icosphere(4);
+        shape_into_mesh(&ctx, &shape, &mesh);
+        simplify(&ctx, &mesh, 320, effort, false, &out);
+        assert_int_equal(out.face_count, 320);
+        /* an inscribed icosphere of 320 faces has lost 4 % of the volume */
+        assert_true(fabs(mesh_volume(&out) / mesh_volume(&mesh) - 1) < 1e-4);
+        mesh_clear(&ctx, &out);
+        mesh_clear(&ctx, &mesh);
+    }
+    context_clear(&ctx);
+}
+
+/* A flat square keeps its outline: nothing else can be had for fewer than 2 faces. */
+static void flat_square_keeps_its_border(void **state)
+{
+    (void)state;
+    struct context ctx;
+    struct mesh mesh, out;
+    context_init(&ctx);
+    for (int subset = 0; subset < 2; subset++)
+        for (uint32_t effort = 1; effort <= 3; effort++) {
+            struct shape shape = shape_grid(20, 20);
+            shape_into_mesh(&ctx, &shape, &mesh);
+            simplify(&ctx, &mesh, 10, effort, subset, &out);
+            assert_in_range(out.face_count, 9, 10);
+            assert_true(fabs(mesh_area(&out) / mesh_area(&mesh) - 1) < 1e-5);
+            mesh_clear(&ctx, &out);
+            mesh_clear(&ctx, &mesh);
+        }
+    context_clear(&ctx);
+}
+
+static void cube_keeps_its_corners(void **state)
+{
+    (void)state;
+    struct context ctx;
+    struct mesh mesh, out;
+    context_init(&ctx);
+    /* a box of 6 grids, welded by hand: a surface of 8x8 cells a side over lattice points */
+    enum { N = 8 };
+    struct shape shape = {0};
+    uint32_t number[N + 1][N + 1][N + 1];
+    memset(number, 0xff, sizeof number);
+    for (uint32_t axis = 0; axis < 3; axis++)
+        for (uint32_t side = 0; side < 2; side++)
+            for (uint32_t i = 0; i < N; i++)
+                for (uint32_t j = 0; j < N; j++) {
+                    uint32_t corner[4];
+                    for (uint32_t k = 0; k < 4; k++) {
+                        uint32_t at[3];
+                        at[axis] = side * N;
+                        at[(axis + 1) % 3] = i + (k == 1 || k == 2);
+                        at[(axis + 2) % 3] = j + (k >= 2);
+                        uint32_t *slot = &number[at[0]][at[1]][at[2]];
+                        if (*slot == UINT32_MAX)
+                            *slot = shape_vertex(&shape, at[0], at[1], at[2]);
+                        corner[k] = *slot;
+                    }
+                    if (side)
+                        shape_quad(&shape, corner[0], corner[1], corner[2], corner[3]);
+                    else
+                        shape_quad(&shape, corner[3], corner[2], corner[1], corner[0]);
+                }
+    shape_into_mesh(&ctx, &shape, &mesh);
+    simplify(&ctx, &mesh, 12, 2, false, &out);
+    assert_int_equal(out.face_count, 12);
+    assert_int_equal(out.vertex_count, 8);
+    for (size_t i = 0; i < 24; i++)
+        assert_true(fabs(out.positions[i]) < 1e-4 || fabs(out.positions[i] - N) < 1e-4);
+    mesh_clear(&ctx, &out);
+    mesh_clear(&ctx, &mesh);
+    context_clear(&ctx);
+}
+
+/* The result does not depend on the model's unit as long as floats can say it. */
+static void unit_does_not_matter(void **state)
+{
+    (void)state;
+    struct context ctx;
+    struct mesh mesh, plain, scaled;
+    context_init(&ctx);
+    const int exponents[] = {-60, 60};
+    for (int i = 0; i < 2; i++) {
+        struct shape shape = shape_noisy_torus(40, 20, 0.02, 5);
+        shape_into_mesh(&ctx, &shape, &mesh);
+        simplify(&ctx, &mesh, 200, 2, false, &plain);
+        for (size_t j = 0; j < mesh.vertex_count * 3; j++)
+            mesh.positions[j] = ldexp(mesh.positions[j], exponents[i]);
+        simplify(&ctx, &mesh, 200, 2, false, &scaled);
+        assert_int_equal(plain.vertex_count, scaled.vertex_count);
+        assert_memory_equal(plain.faces, scaled.faces, plain.face_count * 12);
+        for (size_t j = 0; j < plain.vertex_count * 3; j++)
+            assert_true(ldexp(plain.positions[j], exponents[i]) == scaled.positions[j]);
+        mesh_clear(&ctx, &plain);
+        mesh_clear(&ctx, &scaled);
+        mesh_clear(&ctx, &mesh);
+    }
+    context_clear(&ctx);
+}
+
+/* Coordinates with seven digits before the point lose nothing that matters. */
+static void far_from_the_origin(void **state)
+{
+    (void)state;
+    struct context ctx;
+    struct mesh mesh, out;
+    context_init(&ctx);
+    struct shape shape = shape_icosphere(4);
+    shape_move(&shape, 1, 4512345.678, 5612345.678, 321.5);
+    shape_into_mesh(&ctx, &shape, &mesh);
+    simplify(&ctx, &mesh, 500, 2, false, &out);
+    assert_false(out.is_float32);
+    for (size_t v = 0; v < out.vertex_count; v++) {
+        const double x = out.positions[3 * v] - 4512345.678;
+        const double y = out.positions[3 * v + 1] - 5612345.678;
+        const double z = out.positions[3 * v + 2] - 321.5;
+        assert_true(fabs(sqrt(x * x + y * y + z * z) - 1) < 0.03);
+    }
+    mesh_clear(&ctx, &out);
+    mesh_clear(&ctx, &mesh);
+    context_clear(&ctx);
+}
+
+/* A float attribute that is linear in the position stays near it; labels keep to values there are.
+ */
+static void attributes_travel(void **state)
+{
+    (void)state;
+    struct context ctx;
+    struct mesh mesh, out;
+    context_init(&ctx);
+    for (int subset = 0; subset < 2; subset++) {
+        struct shape shape = shape_icosphere(4);
+        shape_into_mesh(&ctx, &shape, &mesh);
+        mesh.attributes = (struct attributes){.count = 3,
+                                              .stride = 13,
+                                              .list = {{"label", SCALAR_UINT8, 0},
+                                                       {"height", SCALAR_FLOAT32, 1},
+                                                       {"depth", SCALAR_FLOAT64, 5}}};
+        assert_int_equal(memory_take(&ctx, mesh.vertex_count, 13, &mesh.records), STATUS_OK);
+        for (size_t v = 0; v < mesh.vertex_count; v++) {
+            unsigned char *record = mesh.records + 13 * v;
+            record[0] = mesh.positions[3 * v] < 0 ? 17 : 200;
+            store_f32(record + 1, (float)mesh.positions[3 * v + 2]);
+            store_f64(record + 5, -mesh.positions[3 * v + 2]);
+        }
+        simplify(&ctx, &mesh, 640, 2, subset, &out);
+        assert_int_equal(out.attributes.stride, 13);
+        for (size_t v = 0; v < out.vertex_count; v++) {
+            const unsigned char *record = out.records + 13 * v;
+            const double z = out.positions[3 * v + 2], within = subset ? 0 : 0.1;
+            assert_true(record[0] == 17 || record[0] == 200);
+            assert_true(fabs((double)load_f32(record + 1) - z) <= within);
+            assert_true(fabs(load_f64(record + 5) + z) <= within);
+        }
+        mesh_clear(&ctx, &out);
+        mesh_clear(&ctx, &mesh);
+    }
+    context_clear(&ctx);
+}
+
+static void error_bound_holds(void **state)
+{
+    (void)state;
+    struct context ctx;
+    struct mesh mesh, out;
+    context_init(&ctx);
+    struct shape shape = shape_icosphere(5);
+    shape_into_mesh(&ctx, &shape, &mesh);
+    struct collapse *collapse = begin(&ctx, &mesh, 2, false);
+    uint64_t faces = mesh.face_count;
+    for (double bound = 0.003; bound < 0.1; bound *= 3) {
+        assert_int_equal(collapse_run(collapse, 0, bound), STATUS_OK);
+        assert_true(collapse_error(collapse) <= bound * (1 + 1e-6));
+        assert_false(collapse_exhausted(collapse)); /* the bound stopped it, nothing else */
+        assert_true(collapse_faces(collapse) < faces);
+        faces = collapse_faces(collapse);
+        assert_int_equal(collapse_extract(collapse, &out, NULL), STATUS_OK);
+        for (size_t v = 0; v < out.vertex_count; v++) {
+            const double *p = out.positions + 3 * v;
+            assert_true(fabs(sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) - 1) < 2 * bound);
+        }
+        mesh_clear(&ctx, &out);
+    }
+    collapse_end(&collapse);
+    mesh_clear(&ctx, &mesh);
+    context_clear(&ctx);
+}
+
+static void base_errors_count(void **state)
+{
+    (void)state;
+    struct context ctx;
+    struct mesh mesh;
+    context_init(&ctx);
+    struct shape shape = shape_icosphere(2);
+    shape_into_mesh(&ctx, &shape, &mesh);
+    float *base = malloc(mesh.vertex_count * sizeof *base);
+    assert_non_null(base);
+    for (size_t v = 0; v < mesh.vertex_count; v++)
+        base[v] = 0.25f;
+    const struct collapse_options options = {.effort = 2};
+    struct collapse *collapse;
+    assert_int_equal(collapse_begin(&ctx, &options, mesh.vertex_count, mesh.face_count,
+                                    mesh.positions, mesh.faces, NULL, NULL, NULL, base, &collapse),
+                     STATUS_OK);
+    assert_true(collapse_error(collapse) == 0.25);
+    assert_int_equal(collapse_run(collapse, 100, INFINITY), STATUS_OK);
+    assert_true(collapse_error(collapse) > 0.25);
+    free(base);
+    collapse_end(&collapse);
+    mesh_clear(&ctx, &mesh);
+    context_clear(&ctx);
+}
+
+static void bad_meshes_are_refused(void **state)
+{
+    (void)state;
+    struct shape (*const makers[])(unsigned) = {shape_spheres_touching_vertex,
+                                                shape_spheres_touching_edge};
+    for (int i = 0; i < 2; i++) {
+        struct context ctx;
+        struct mesh mesh;
+        struct collapse *collapse;
+        context_init(&ctx);
+        struct shape shape = makers[i](1);
+        shape_into_mesh(&ctx, &shape, &mesh);
+        const struct collapse_options options = {.effort = 2};
+        assert_int_equal(collapse_begin(&ctx, &options, mesh.vertex_count, mesh.face_count,
+                                        mesh.positions, mesh.faces, NULL, NULL, NULL, NULL,
+                                        &collapse),
+                         STATUS_INTERNAL);
+        assert_null(collapse);
+        assert_non_null(strstr(ctx.error, "not manifold"));
+        mesh_clear(&ctx, &mesh);
+        assert_int_equal(ctx.memory_now, 0);
+        context_clear(&ctx);
+    }
+}
+
+static void empty_mesh(void **state)
+{
+    (void)state;
+    struct context ctx;
+    struct mesh mesh = {0}, out;
+    context_init(&ctx);
+    simplify(&ctx, &mesh, 10, 2, false, &out);
+    assert_int_equal(out.face_count, 0);
+    assert_int_equal(out.vertex_count, 0);
+    mesh_clear(&ctx, &out);
+    context_clear(&ctx);
+}
+
+static void memory_stays_below_sixty_bytes_a_face(void **state)
+{
+    (void)state;
+    struct context ctx;
+    struct mesh mesh;
+    context_init(&ctx);
+    struct shape shape = shape_icosphere(6);
+    shape_into_mesh(&ctx, &shape, &mesh);
+    const uint64_t before = ctx.memory_now;
+    ctx.memory_peak = before;
+    struct collapse *collapse = begin(&ctx, &mesh, 3, false);
+    assert_int_equal(collapse_run(collapse, 1000, INFINITY), STATUS_OK);
+    assert_true(ctx.memory_peak - before <= 60 * mesh.face_count);
+    collapse_end(&collapse);
+    assert_int_equal(ctx.memory_now, before);
+    mesh_clear(&ctx, &mesh);
+    context_clear(&ctx);
+}
+
+/* Guards against work that is quadratic at a hub: a disk of 200,000 faces round one vertex. */
+static void hub_is_not_quadratic(void **state)
+{
+    (void)state;
+    enum { SPOKES = 200000 };
+    struct context ctx;
+    struct mesh mesh, out;
+    context_init(&ctx);
+    struct shape shape = {0};
+    shape_vertex(&shape, 0, 0, 0);
+    for (int i = 0; i < SPOKES; i++) {
+        const double angle = 6.283185307179586 * i / SPOKES;
+        shape_vertex(&shape, (float)cos(angle), (float)sin(angle), 0);
+    }
+    for (uint32_t i = 0; i < SPOKES; i++)
+        shape_triangle(&shape, 0, 1 + i, 1 + (i + 1) % SPOKES);
+    shape_into_mesh(&ctx, &shape, &mesh);
+    const clock_t start = clock();
+    simplify(&ctx, &mesh, 1000, 3, false, &out);
+    assert_in_range(out.face_count, 999, 1000);
+    assert_true((double)(clock() - start) / CLOCKS_PER_SEC < 20);
+    assert_true(fabs(mesh_area(&out) / mesh_area(&mesh) - 1) < 1e-3);
+    mesh_clear(&ctx, &out);
+    mesh_clear(&ctx, &mesh);
+    context_clear(&ctx);
+}
+
+/* Every allocation that fails ends in a clean STATUS_NO_MEMORY. */
+static void failed_allocations(void **state)
+{
+    (void)state;
+    for (uint64_t n = 0;; n++) {
+        struct context ctx;
+        struct mesh mesh, out;
+        struct collapse *collapse = NULL;
+        context_init(&ctx);
+        struct shape shape = shape_icosphere(3);
+        shape_into_mesh(&ctx, &shape, &mesh);
+        const uint64_t before = ctx.memory_now;
+        const struct collapse_options options = {.effort = 2};
+        ctx.fault_after = n;
+        enum status status =
+            collapse_begin(&ctx, &options, mesh.vertex_count, mesh.face_count, mesh.positions,
+                           mesh.faces, NULL, NULL, NULL, NULL, &collapse);
+        if (status == STATUS_OK)
+            status = collapse_run(collapse, 100, INFINITY);
+        if (status == STATUS_OK)
+            status = collapse_extract(collapse, &out, NULL);
+        collapse_end(&collapse);
+        if (status == STATUS_OK)
+            mesh_clear(&ctx, &out);
+        else
+            assert_int_equal(status, STATUS_NO_MEMORY);
+        assert_int_equal(ctx.memory_now, before);
+        ctx.fault_after = UINT64_MAX;
+        mesh_clear(&ctx, &mesh);
+        context_clear(&ctx);
+        if (status == STATUS_OK) {
+            assert_true(n > 5);
+            return;
+        }
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(volume_is_kept),
+        cmocka_unit_test(flat_square_keeps_its_border),
+        cmocka_unit_test(cube_keeps_its_corners),
+        cmocka_unit_test(unit_does_not_matter),
+        cmocka_unit_test(far_from_the_origin),
+        cmocka_unit_test(attributes_travel),
+        cmocka_unit_test(error_bound_holds),
+        cmocka_unit_test(base_errors_count),
+        cmocka_unit_test(bad_meshes_are_refused),
+        cmocka_unit_test(empty_mesh),
+        cmocka_unit_test(memory_stays_below_sixty_bytes_a_face),
+        cmocka_unit_test(hub_is_not_quadratic),
+        cmocka_unit_test(failed_allocations),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
