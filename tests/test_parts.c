@@ -54,9 +54,18 @@ static double turn(double from, double to)
 
 /* The area between two loops round (x, y), both gone round so that angles differ as little as can
  * be: what is far apart in angle does not see each other past a hole. */
-static void zip_rings(struct shape *shape, const struct ring *outer, const struct ring *inner,
-                      double x, double y, bool is_up)
+static double triangle_turn(const struct ring *one, unsigned a, unsigned b, const struct ring *two,
+                            unsigned c)
 {
+    return (one->x[b] - one->x[a]) * (two->y[c] - one->y[a]) -
+           (one->y[b] - one->y[a]) * (two->x[c] - one->x[a]);
+}
+
+/* Returns how many triangles are turned over: the loops do not see each other everywhere. */
+static unsigned zip_rings(struct shape *shape, const struct ring *outer, const struct ring *inner,
+                          double x, double y, bool is_up)
+{
+    unsigned folds = 0;
     double start = atan2(outer->y[0] - y, outer->x[0] - x);
     unsigned best = 0;
     double least = INFINITY;
@@ -83,14 +92,17 @@ static void zip_rings(struct shape *shape, const struct ring *outer, const struc
                                      fabs(inner_angle + inner_step - outer_angle));
         if (takes_outer) {
             add_face(shape, is_up, outer->vertices[oa], outer->vertices[ob], inner->vertices[ia]);
+            folds += triangle_turn(outer, oa, ob, inner, ia) <= 0;
             outer_angle += outer_step;
             o++;
         } else {
             add_face(shape, is_up, inner->vertices[ia], outer->vertices[oa], inner->vertices[ib]);
+            folds += triangle_turn(inner, ib, ia, outer, oa) <= 0;
             inner_angle += inner_step;
             i++;
         }
     }
+    return folds;
 }
 
 /* A fan round a new middle vertex. */
@@ -248,6 +260,7 @@ struct builder {
     struct shape shape;
     uint32_t *corners[2];    /* bottom, top: vertices of the grid */
     uint32_t *edge_first[2]; /* a cell edge: its first additional vertex */
+    unsigned folds;          /* triangles that are turned over */
 };
 
 /* Vertices are made when first asked for. */
@@ -316,7 +329,7 @@ static void build_face(struct builder *builder, const struct ring *ring,
     }
     struct ring *rim = take(1, sizeof *rim), *end = take(1, sizeof *end);
     feature_ring(shape, features, x, y, z, 1, rim);
-    zip_rings(shape, ring, rim, x, y, is_up);
+    builder->folds += zip_rings(shape, ring, rim, x, y, is_up);
     if (features->kind == PART_HOLE) {
         *hole = *rim;
     } else {
@@ -348,7 +361,7 @@ static void build_cell(struct builder *builder, unsigned column, unsigned row)
     if (hole->count > 0) {
         feature_ring(&builder->shape, &cell->top[cell->top_count - 1], x, y, 0,
                      cell->top[cell->top_count - 1].taper, end);
-        zip_rings(&builder->shape, bottom, end, x, y, false);
+        builder->folds += zip_rings(&builder->shape, bottom, end, x, y, false);
         wall(&builder->shape, end, hole, false);
     } else
         build_face(builder, bottom, cell->bottom, cell->bottom_count, x, y, 0, false, hole);
@@ -368,7 +381,7 @@ static void build_cell(struct builder *builder, unsigned column, unsigned row)
     free(end);
 }
 
-struct shape plate_shape(const struct part_plate *plate)
+static struct shape build_plate(const struct part_plate *plate, unsigned *folds)
 {
     struct builder builder = {.plate = plate};
     size_t corners = (size_t)(plate->columns + 1) * (plate->rows + 1);
@@ -386,7 +399,22 @@ struct shape plate_shape(const struct part_plate *plate)
         free(builder.corners[side]);
         free(builder.edge_first[side]);
     }
+    *folds = builder.folds;
     return builder.shape;
+}
+
+struct shape plate_shape(const struct part_plate *plate)
+{
+    unsigned folds;
+    return build_plate(plate, &folds);
+}
+
+bool plate_is_sound(const struct part_plate *plate)
+{
+    unsigned folds;
+    struct shape shape = build_plate(plate, &folds);
+    shape_free(&shape);
+    return folds == 0;
 }
 
 /* ---- expectations ---- */
@@ -611,7 +639,7 @@ struct shape part_gear(void)
         /* 30 teeth of four points */
         outer[side].count = 0;
         for (unsigned i = 0; i < 120; i++) {
-            double radius = i % 4 < 2 ? 11.5 : 10.5, angle = full_turn * (i - 0.5) / 120;
+            double radius = i % 4 < 2 ? 10.8 : 10.5, angle = full_turn * (i - 0.5) / 120;
             double x = (float)(radius * cos(angle)), y = (float)(radius * sin(angle));
             ring_add(&outer[side], shape_vertex(&shape, x, y, 2 * side), x, y);
         }

@@ -45,6 +45,8 @@ void plate_free(struct part_plate *plate);
 struct part_plate plate_copy(const struct part_plate *plate);
 struct part_cell *plate_cell(struct part_plate *plate, unsigned column, unsigned row);
 struct shape plate_shape(const struct part_plate *plate);
+/* False if some outline is hidden from the one round it, so that triangles would be turned over. */
+bool plate_is_sound(const struct part_plate *plate);
 
 /* Largest distance of two corners of its two outlines, each by itself. */
 double feature_diameter(const struct part_feature *feature);

@@ -4,6 +4,10 @@
  * SIGINT and SIGTERM only set a flag, which the library asks for between batches; it then cleans up
  * behind itself and the run ends with 128 + the signal's number. A second signal ends it at once:
  * what a run has on disk until then has no name, or one that is told from a finished file's.
+ *
+ * A mapped file that someone makes shorter is a SIGBUS where it is touched next; it could be met
+ * only by copying every page before it is looked at. There is no way back from there, but there are
+ * words and an exit code instead of a crash.
  */
 #include "run.h"
 
@@ -13,6 +17,7 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <sys/vfs.h>
+#include <unistd.h>
 
 #include "values.h"
 
@@ -21,6 +26,17 @@ static volatile sig_atomic_t caught_signal;
 static void note_signal(int number)
 {
     caught_signal = number;
+}
+
+/* Only write and _exit: nothing else is safe here. */
+static void end_by_lost_page(int number)
+{
+    static const char words[] =
+        "spbm: error: a file was made shorter by someone else while it was read\n";
+    (void)number;
+    if (write(STDERR_FILENO, words, sizeof words - 1) >= 0)
+        _exit(EXIT_FAILED);
+    _exit(EXIT_FAILED); /* nobody listens */
 }
 
 static void catch_signals(void)
@@ -35,6 +51,10 @@ static void catch_signals(void)
             sigaction(numbers[i], &action, NULL);
     }
     signal(SIGPIPE, SIG_IGN); /* a closed pipe is a failed write, with words */
+    signal(SIGXFSZ, SIG_IGN); /* and so is a file that may not grow */
+    struct sigaction lost = {.sa_handler = end_by_lost_page};
+    sigemptyset(&lost.sa_mask);
+    sigaction(SIGBUS, &lost, NULL);
 }
 
 /* ---- callbacks ---- */

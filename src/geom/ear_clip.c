@@ -8,15 +8,15 @@
  *
  * - All corners of the rest stand in one heap, ordered by kind (proper ear, blocked ear, reflex, no
  *   area, forbidden), then by angle, then by number. Cutting one moves its two neighbours.
- * - A blocked ear waits at the corner that blocks it: it is looked at again when that corner turns
- *   convex or is cut, and not before. So the heap's top is the best ear there is at any time.
+ * - A blocked ear waits at the corner that blocks it, until that is cut. It need not be looked at
+ *   when that corner becomes convex: while any corner is in the ear, one that is not convex is. So
+ *   the heap's top is the best ear there is at any time.
  * - The blocking corners are found in a point_tree (or by a plain loop while n is small).
  *
  * In a simple loop a proper ear is always left (two-ears theorem; an ear without area is never
- * proper, and a rest with area always has another). In other loops, tests are added that let
- * bridged holes and ramps through: corners in the same place block only if their edges run into the
- * ear, and corners far above or below the ear, as on another turn of a ramp, do not block. When
- * even so no proper ear is left, the next kind is cut, as FIST does: so it always ends.
+ * proper, and a rest with area always has another). In other loops, corners far above or below the
+ * ear do not block it: they are on another turn of a ramp. When no proper ear is left there, the
+ * next kind is cut, as FIST does: so it always ends.
  *
  * Angles are compared by their cosines, made of grid differences with products, one sqrt and one
  * division: the same on every machine.
@@ -149,14 +149,6 @@ static double cosine_at(struct grid_point a, struct grid_point b, struct grid_po
     return lengths > 0 ? (double)grid_dot(b, a, c) / sqrt(lengths) : 1;
 }
 
-/* The direction from `at` to p lies strictly between those to `from` and to `to`, which is less
- * than a half turn to the left. */
-static bool runs_between(struct grid_point at, struct grid_point from, struct grid_point to,
-                         struct grid_point p)
-{
-    return orientation(at, from, p) > 0 && orientation(at, p, to) > 0;
-}
-
 struct ear {
     const struct clipper *clipper;
     uint32_t a, b, c; /* b is its tip */
@@ -184,25 +176,9 @@ static bool is_on_other_sheet(const struct ear *ear, uint32_t corner)
 static bool blocks(const void *user, uint32_t corner)
 {
     const struct ear *ear = user;
-    const struct clipper *clipper = ear->clipper;
     if (corner == ear->a || corner == ear->b || corner == ear->c)
         return false;
-    if (clipper->is_simple)
-        return true;
-    if (is_on_other_sheet(ear, corner))
-        return false;
-    const struct grid_point *points = clipper->points;
-    struct grid_point a = points[ear->a], b = points[ear->b], c = points[ear->c];
-    struct grid_point p = points[corner];
-    struct grid_point before = points[clipper->previous[corner]];
-    struct grid_point after = points[clipper->next[corner]];
-    if (grid_equal(p, a))
-        return runs_between(a, b, c, before) || runs_between(a, b, c, after);
-    if (grid_equal(p, b))
-        return runs_between(b, c, a, before) || runs_between(b, c, a, after);
-    if (grid_equal(p, c))
-        return runs_between(c, a, b, before) || runs_between(c, a, b, after);
-    return true;
+    return ear->clipper->is_simple || !is_on_other_sheet(ear, corner);
 }
 
 static uint32_t find_blocker(const struct clipper *clipper, const struct ear *ear)
@@ -215,19 +191,6 @@ static uint32_t find_blocker(const struct clipper *clipper, const struct ear *ea
         if (clipper->is_blocking[i] && triangle_holds(a, b, c, points[i]) && blocks(ear, i))
             return i;
     return NONE;
-}
-
-/* The diagonal from a to c leaves both ends into the inside. (Else a corner would be in the ear;
- * only in loops that touch themselves it need not be.) */
-static bool diagonal_is_inside(const struct clipper *clipper, const struct ear *ear)
-{
-    const struct grid_point *points = clipper->points;
-    struct grid_point a = points[ear->a], b = points[ear->b], c = points[ear->c];
-    struct grid_point before = points[clipper->previous[ear->a]];
-    struct grid_point after = points[clipper->next[ear->c]];
-    bool bad_at_a = orientation(a, b, before) > 0 && orientation(a, c, before) <= 0;
-    bool bad_at_c = orientation(c, b, after) < 0 && orientation(c, a, after) >= 0;
-    return !bad_at_a && !bad_at_c;
 }
 
 /* ---- states ---- */
@@ -248,8 +211,6 @@ static enum kind kind_of(struct clipper *clipper, const struct ear *ear)
         return KIND_FORBIDDEN;
     if (turn <= 0)
         return turn == 0 ? KIND_FLAT : KIND_REFLEX;
-    if (!clipper->is_simple && clipper->count > 3 && !diagonal_is_inside(clipper, ear))
-        return KIND_BLOCKED;
     uint32_t blocker = find_blocker(clipper, ear);
     if (blocker == NONE)
         return KIND_EAR;
@@ -293,14 +254,11 @@ static void wake(struct clipper *clipper, uint32_t corner)
 static void update(struct clipper *clipper, uint32_t corner)
 {
     const struct grid_point *points = clipper->points;
-    bool was_blocking = clipper->is_blocking[corner];
     bool is_blocking = orientation(points[clipper->previous[corner]], points[corner],
                                    points[clipper->next[corner]]) <= 0;
     clipper->is_forbidden[corner] = false;
-    if (is_blocking != was_blocking)
+    if (is_blocking != clipper->is_blocking[corner])
         set_blocking(clipper, corner, is_blocking);
-    if ((was_blocking && !is_blocking) || !clipper->is_simple)
-        wake(clipper, corner);
     rejudge(clipper, corner);
 }
 
@@ -316,10 +274,6 @@ static void cut(struct clipper *clipper, uint32_t corner)
     wake(clipper, corner);
     update(clipper, a);
     update(clipper, c);
-    if (!clipper->is_simple) { /* diagonal_is_inside looks one corner farther */
-        rejudge(clipper, clipper->previous[a]);
-        rejudge(clipper, clipper->next[c]);
-    }
 }
 
 /* ---- the whole ---- */

@@ -8,8 +8,9 @@
  *   2. Others are tested for being simple and go to ear_clip.c, which cuts ears by increasing angle
  *      and always succeeds on a simple loop when no diagonal is forbidden.
  *   3. When it runs out of proper ears and the loop (or the rest of a large one) is small, all its
- *      triangulations are weighed by dynamic programming: fewest triangles turned over or without
- *      area, then least area in space. This finds a triangulation whenever there is one.
+ *      triangulations are weighed by dynamic programming: fewest triangles turned over, then
+ *      fewest without area, then least area in space. This finds a triangulation whenever there is
+ * one.
  *
  * A sum of triangles that all have positive area on the grid, each lying on the other side of its
  * diagonals, tiles a simple loop exactly; so counting bad triangles is all the proof needed.
@@ -210,18 +211,18 @@ static bool cut_quad(const struct loop *loop, uint32_t *triangles)
 /* ---- all triangulations of a small loop ---- */
 
 struct cost {
-    uint32_t bad; /* 2 for a triangle turned over, 1 for one without area; DEAR: impossible */
+    uint32_t bad; /* TURNED for a triangle turned over, 1 for one without area; DEAR: impossible */
     uint32_t split;
     double area; /* twice the area in space */
 };
 
-enum { DEAR = 1 << 20 };
+enum { TURNED = 2 * TABLE_SIDE /* more than all without area */, DEAR = 1 << 20 };
 
 static void add_triangle(const struct loop *loop, uint32_t a, uint32_t b, uint32_t c,
                          struct cost *cost)
 {
     int64_t turn = orientation(loop->points[a], loop->points[b], loop->points[c]);
-    cost->bad += turn > 0 ? 0 : turn == 0 ? 1 : 2;
+    cost->bad += turn > 0 ? 0 : turn == 0 ? 1 : TURNED;
     struct vec3 normal = triangle_normal(vec3_load(loop->corners + 3 * (size_t)a),
                                          vec3_load(loop->corners + 3 * (size_t)b),
                                          vec3_load(loop->corners + 3 * (size_t)c));

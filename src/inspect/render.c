@@ -17,7 +17,8 @@
 #include "inspect/font.h"
 #include "inspect/shade.h"
 
-static const uint32_t caption_colour = 0x2b3038, detail_colour = 0x6a7180;
+/* Of what is written: titles and details, on a light background and on a dark one. */
+static const uint32_t inks[2][2] = {{0x2b3038, 0x6a7180}, {0xe6e9ee, 0x9aa3b2}};
 
 /* Sizes in pixels that follow from the picture's. */
 struct layout {
@@ -206,6 +207,14 @@ static enum status draw_item(struct drawing *drawing, const struct render_item *
 
 /* ---- captions and legend ---- */
 
+static uint32_t ink(const struct drawing *drawing, bool is_detail)
+{
+    uint32_t background = drawing->options->background;
+    uint32_t lightness =
+        299 * (background >> 16 & 255) + 587 * (background >> 8 & 255) + 114 * (background & 255);
+    return inks[lightness < 128 * 1000][is_detail];
+}
+
 /* A line, centred at x; smaller if it would be wider than `width`, and cut if that is not enough.
  */
 static void draw_line(struct picture *picture, const char *text, size_t length, double x, double y,
@@ -230,13 +239,13 @@ static void draw_caption(const struct drawing *drawing, const char *caption,
                          const struct layout *layout, double x, double y)
 {
     double width = drawing->options->width - 2.0 * layout->margin, size = layout->text;
-    uint32_t colour = caption_colour;
+    uint32_t colour = ink(drawing, false);
     for (const char *at = caption; at && *at;) {
         size_t length = strcspn(at, "\n");
         draw_line(drawing->picture, at, length, x, y, size, width, colour);
         at += length + (at[length] == '\n');
         size = layout->text * 0.85; /* lines after the first are details */
-        colour = detail_colour;
+        colour = ink(drawing, true);
         y += layout->text * 2;
     }
 }
@@ -258,12 +267,13 @@ static void draw_legend(const struct drawing *drawing, const struct layout *layo
         snprintf(label, sizeof label, "%.3g", value);
         double x = (double)left + (double)length * i / 4;
         picture_rectangle(picture, (int64_t)x - (i > 0), top + height, 1,
-                          (int64_t)(layout->text * 0.3) + 1, detail_colour);
-        text_draw(picture, label, x - text_width(label, size) / 2, label_y, size, detail_colour);
+                          (int64_t)(layout->text * 0.3) + 1, ink(drawing, true));
+        text_draw(picture, label, x - text_width(label, size) / 2, label_y, size,
+                  ink(drawing, true));
     }
     draw_line(picture, options->legend_name, strlen(options->legend_name),
               (double)picture->width / 2, label_y + layout->text * 1.9, layout->text * 0.9,
-              picture->width - 2.0 * layout->margin, caption_colour);
+              picture->width - 2.0 * layout->margin, ink(drawing, false));
 }
 
 static struct layout lay_out(const struct render_item *items, size_t count,

@@ -118,9 +118,12 @@ static bool decode_attributes(const unsigned char *from, struct attributes *attr
         struct attribute *attribute = attributes->list + i;
         memcpy(attribute->name, from, ATTRIBUTE_NAME_MAX + 1);
         size_t length = strnlen(attribute->name, ATTRIBUTE_NAME_MAX + 1);
-        for (size_t j = length; j < ATTRIBUTE_NAME_MAX + 1; j++)
-            if (attribute->name[j])
+        for (size_t j = 0; j < ATTRIBUTE_NAME_MAX + 1; j++) {
+            unsigned char byte = (unsigned char)attribute->name[j];
+            /* The name goes into the header of a PLY: no blanks, no line ends. */
+            if (j < length ? byte <= ' ' || byte == 127 : byte != 0)
                 return false;
+        }
         uint32_t type = load_u32(from + 64);
         attribute->offset = load_u32(from + 68);
         if (length == 0 || length > ATTRIBUTE_NAME_MAX || type > SCALAR_FLOAT64 ||
@@ -180,6 +183,9 @@ const char *chain_info_decode(const unsigned char *from, size_t size, struct cha
         !all_finite(info->box_high, 3) || !all_finite(info->targets, 16) ||
         !isfinite(info->mean_edge) || !isfinite(info->noise) || !isfinite(info->area))
         return "a number is not finite";
+    for (unsigned i = 0; i < 3; i++)
+        if (info->box_low[i] > info->box_high[i] || (info->is_float32 && info->origin[i] != 0))
+            return "the box or the origin is impossible";
     if (info->topology.faces > UINT32_MAX || info->topology.vertices > UINT32_MAX ||
         info->patches > info->topology.faces || info->most_faces > info->topology.faces ||
         info->chain_vertices > info->topology.vertices || info->junctions > info->chain_vertices ||

@@ -18,7 +18,7 @@
  *
  *     a vertex   position 12, outgoing 4, list 4, flags 1                                  21
  *     an edge    2 half-edges of 16, the vertices that it replaces 16                      48
- *     a patch    68, a diagonal 8
+ *     a patch    60, a diagonal 8
  */
 #ifndef SPBM_SIMPLIFY_CHAIN_GRAPH_H
 #define SPBM_SIMPLIFY_CHAIN_GRAPH_H

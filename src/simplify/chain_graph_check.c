@@ -1,11 +1,11 @@
 /*
- * Looking at the chain graph: is it one, what is joined to what, and what would the chains be at any
- * tolerance.
+ * Looking at the chain graph: is it one, what is joined to what, and what would the chains be at
+ * any tolerance.
  *
- * Whether a graph is a surface is usually asked of sorted edges. Here all is local and linear: every
- * loop is walked once and every vertex turned round once, with an array that remembers who came by
- * last. Questions about two vertices, or a vertex and a patch, walk round both at the same time and
- * end with the shorter way.
+ * Whether a graph is a surface is usually asked of sorted edges. Here all is local and linear:
+ * every loop is walked once and every vertex turned round once, with an array that remembers who
+ * came by last. Questions about two vertices, or a vertex and a patch, walk round both at the same
+ * time and end with the shorter way.
  */
 #include "simplify/chain_graph.h"
 

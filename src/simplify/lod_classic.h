@@ -11,9 +11,9 @@
  * from one run of operations over the chain graph; fills in what each level has become. Output
  * vertices are input vertices with their attributes: placement `optimal` is STATUS_MISUSE.
  *
- * Memory: with V chain vertices, E pieces of chain between them (V and half the junctions) and P
- * patches, 37 V + 48 E + 88 P bytes, and 16 bytes a vertex and face of a level while it is written:
- * about 100 bytes a chain vertex.
+ * Memory: with V chain vertices and kept vertices inside patches, E pieces of chain between them (V
+ * and half the junctions) and P patches, 37 V + 48 E + 80 P bytes, about 100 bytes a chain vertex;
+ * and up to 40 bytes a face of the level that is being written.
  */
 enum status lod_classic(struct context *ctx, struct chain_file *file,
                         const struct lod_options *options, struct lod_report *report) MUST_CHECK;

@@ -17,6 +17,8 @@
 /* Patches that no sharp edge runs through, but large enough to keep the graph small. */
 static const double patch_angle = 15;
 
+enum blocking { BLOCKED_NOT = 0, BLOCKED_NOW = 1, BLOCKED_BEFORE = 2 };
+
 struct run {
     struct context *ctx;
     const struct topology_options *options;
@@ -28,7 +30,7 @@ struct run {
     struct chain_graph graph;
     struct feature_list list;
     uint32_t *of_patch; /* a patch: its feature, or NO_INDEX */
-    uint8_t *blocked;   /* a feature */
+    uint8_t *blocked;   /* a feature: enum blocking */
     size_t blocked_count;
     struct surgery surgery;
     struct exporter *exporter;
@@ -113,20 +115,21 @@ static enum status find_features(struct run *run)
 
 /* ---- surgery ---- */
 
-/* Features that could not be filled stay: their patches are no one's. */
-static uint64_t give_back_blocked(struct run *run)
+/* Features that could not be filled stay: their patches are no one's. Cracks just stay open. */
+static bool give_back_blocked(struct run *run, size_t features)
 {
-    uint64_t given_back = 0;
-    for (uint32_t p = 0; run->of_patch && p < run->graph.patch_count; p++)
+    bool any = false;
+    for (size_t i = 0; i < features; i++)
+        any |= run->blocked[i] == BLOCKED_NOW;
+    if (!any)
+        return false;
+    for (uint32_t p = 0; p < run->graph.patch_count; p++)
         if (run->of_patch[p] != NO_INDEX && run->blocked[run->of_patch[p]])
             run->of_patch[p] = NO_INDEX;
-    for (size_t i = 0; i < run->list.count; i++)
-        if (run->blocked[i] == 1) {
-            run->blocked[i] = 2;
-            given_back++;
-        }
-    run->report->blocked += given_back;
-    return given_back;
+    for (size_t i = 0; i < features; i++)
+        if (run->blocked[i])
+            run->blocked[i] = BLOCKED_BEFORE;
+    return true;
 }
 
 /* Marks of features that cracks add to the list come with it. */
@@ -155,6 +158,8 @@ static enum status operate(struct run *run)
     size_t features = run->list.count; /* without cracks */
     do {
         run->list.count = features;
+        if (run->blocked_count > features)
+            memset(run->blocked + features, BLOCKED_NOT, run->blocked_count - features);
         status = reserve_blocked(run);
         if (status == STATUS_OK)
             status = surgery_cut(&run->surgery, growth, run->of_patch, &run->list);
@@ -166,7 +171,7 @@ static enum status operate(struct run *run)
             status = reserve_blocked(run);
         if (status == STATUS_OK)
             status = surgery_fill(&run->surgery, run->blocked);
-    } while (status == STATUS_OK && give_back_blocked(run) > 0);
+    } while (status == STATUS_OK && give_back_blocked(run, features));
     return status;
 }
 
@@ -263,8 +268,10 @@ static enum status fill_report(struct run *run)
     struct topology_report *report = run->report;
     const struct vec3 origin = vec3_load(run->info->origin);
     for (size_t i = 0; i < run->list.count; i++) {
-        if (run->blocked[i])
+        if (run->blocked[i]) {
+            report->blocked++;
             continue;
+        }
         enum status status =
             memory_reserve(run->ctx, &report->features, &report->feature_capacity,
                            report->feature_count + 1, sizeof *report->features);

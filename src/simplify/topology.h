@@ -48,6 +48,7 @@ struct topology_options {
     enum loop_measure measure;
     double sharp_angle[2]; /* degrees: an edge is sharp between the two; default 45, 180 */
     bool remove_pipes;     /* also what is solid between two loops */
+    bool smooth_features;  /* also smooth handles and tunnels that are smaller than max_feature */
     struct length_option drop_components; /* whole components whose box has a smaller diagonal go */
     struct length_option close_cracks;    /* border loops that are smaller are filled */
     bool crack_inscribed;                 /* by the largest circle inside instead of the diameter */

@@ -5,6 +5,7 @@
  */
 #include "target.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 
 #include "mesh/import.h"
@@ -52,6 +53,8 @@ static void make_level(const char *path, bool must_work, const struct target *ta
     struct lod_report report;
     enum status status = lod_build(&ctx, path, &options, &report);
     require_fair_end(&ctx, status);
+    if (must_work && status == STATUS_BAD_INPUT)
+        fprintf(stderr, "%s\n", ctx.error);
     require(!must_work || status == STATUS_OK || status == STATUS_TARGET_MISSED,
             "a sound chain file gives its levels");
     require(ctx.memory_now == 0, "all memory is given back");

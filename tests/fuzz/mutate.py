@@ -18,6 +18,7 @@ import gzip
 import os
 import random
 import re
+import resource
 import shutil
 import signal
 import struct
@@ -289,19 +290,24 @@ class Finding(Exception):
 
 
 class Result:
-    def __init__(self, code, err, seconds, kilobytes):
-        self.code, self.err, self.seconds, self.kilobytes = code, err, seconds, kilobytes
+    def __init__(self, code, err, seconds):
+        self.code, self.err, self.seconds = code, err, seconds
 
 
-def run(words, folder, seconds):
+def run(words, folder, seconds, megabytes):
     """Runs the program; a Finding when it does not end within so many seconds of processor time, or, if
     it waits for something, within six times as many on the clock."""
     environment = {k: v for k, v in os.environ.items() if k not in ("TMPDIR", "LANGUAGE")}
     environment.setdefault("ASAN_OPTIONS", "detect_leaks=1:allocator_may_return_null=1")
     environment.setdefault("UBSAN_OPTIONS", "halt_on_error=1:print_stacktrace=1")
+
+    def limit():
+        """Memory of its own: more than that is refused and ends in exit code 4, which is a finding."""
+        if megabytes:
+            resource.setrlimit(resource.RLIMIT_DATA, (megabytes << 20, megabytes << 20))
     with tempfile.TemporaryFile() as err:
         process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=err,
-                                   cwd=folder, env=environment)
+                                   cwd=folder, env=environment, preexec_fn=limit)
         late = threading.Event()
         timer = threading.Timer(6 * seconds, lambda: (late.set(), process.kill()))
         timer.start()
@@ -313,10 +319,10 @@ def run(words, folder, seconds):
     took = usage.ru_utime + usage.ru_stime
     if late.is_set() or took > seconds:
         raise Finding("does not end within %g s" % seconds)
-    return Result(process.returncode, text, took, usage.ru_maxrss)
+    return Result(process.returncode, text, took)
 
 
-def judge(result, megabytes):
+def judge(result):
     """Is this an end as it should be? True when there is an output."""
     if "Sanitizer" in result.err or "runtime error" in result.err or "LeakSan" in result.err:
         raise Finding("sanitizer report")
@@ -324,8 +330,6 @@ def judge(result, megabytes):
         raise Finding("died of %s" % signal.Signals(-result.code).name)
     if result.code not in (0, 1, 3):
         raise Finding("exit code %d" % result.code)
-    if megabytes and result.kilobytes > megabytes * 1024:
-        raise Finding("%d MB" % (result.kilobytes // 1024))
     lines = result.err.splitlines()
     errors = [line for line in lines if line.startswith("spbm: error: ")]
     if len(errors) != (result.code == 1):
@@ -416,10 +420,11 @@ class Driver:
         self.program = os.path.abspath(options.program)
         self.folder = tempfile.mkdtemp(prefix="spbm-mutate-")
         self.files = []  # kind, name, bytes, original's bytes and name
-        self.codes, self.findings, self.slowest, self.largest, self.forged = {}, [], 0, 0, 0
+        self.codes, self.findings, self.slowest, self.forged = {}, [], 0, 0
 
     def command(self, words, quiet=True):
-        return run([self.program] + words + (["-q"] if quiet else []), self.folder, self.options.seconds)
+        return run([self.program] + words + (["-q"] if quiet else []), self.folder, self.options.seconds,
+                   self.options.megabytes)
 
     def path(self, name):
         return os.path.join(self.folder, name)
@@ -473,8 +478,7 @@ class Driver:
                     print(number, " ".join(words), "->", result.code, result.err.strip(), flush=True)
                 self.codes[result.code] = self.codes.get(result.code, 0) + 1
                 self.slowest = max(self.slowest, result.seconds)
-                self.largest = max(self.largest, result.kilobytes)
-                has_output = judge(result, self.options.megabytes)
+                has_output = judge(result)
                 if output and has_output:
                     there.add(output.rstrip("?"))
                     try:
@@ -526,9 +530,9 @@ class Driver:
             self.one(number)
         shutil.rmtree(self.folder)
         codes = ", ".join("%d x exit %d" % (count, code) for code, count in sorted(self.codes.items()))
-        print("%d changes, %s, slowest %.2f s of processor, largest %d MB, %d findings, %.0f s" %
-              (1 if only is not None else self.options.count, codes, self.slowest, self.largest // 1024,
-               self.forged, len(self.findings), time.monotonic() - begin))
+        print("%d changes, %s, slowest %.2f s of processor, %d forged, %d findings, %.0f s" %
+              (1 if only is not None else self.options.count, codes, self.slowest, self.forged,
+               len(self.findings), time.monotonic() - begin))
         return 1 if self.findings else 0
 
 

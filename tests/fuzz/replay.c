@@ -13,6 +13,7 @@
 
 struct replay {
     const char *folder; /* where seeds go, or NULL: they are run */
+    const char *last;   /* $SPBM_FUZZ_LAST: a file that each input is written to before it is run */
     unsigned rounds;    /* changes of each seed */
     unsigned seeds;
     uint64_t random;
@@ -44,13 +45,18 @@ static void change(uint8_t *data, size_t *size, uint64_t *random)
     }
 }
 
+static void write_input(const char *path, const void *data, size_t size)
+{
+    FILE *file = fopen(path, "wb");
+    require(file && fwrite(data, 1, size, file) == size && fclose(file) == 0,
+            "the input can be kept");
+}
+
 static void write_seed(const struct replay *replay, const void *data, size_t size)
 {
     char path[4096];
     snprintf(path, sizeof path, "%s/seed-%u", replay->folder, replay->seeds);
-    FILE *file = fopen(path, "wb");
-    require(file && fwrite(data, 1, size, file) == size && fclose(file) == 0,
-            "a seed can be written");
+    write_input(path, data, size);
 }
 
 static void take(void *user, const void *data, size_t size)
@@ -76,6 +82,8 @@ static void take(void *user, const void *data, size_t size)
         require(exact != NULL, "memory");
         memcpy(exact, changed, length);
         free(changed);
+        if (replay->last)
+            write_input(replay->last, exact, length);
         LLVMFuzzerTestOneInput(exact, length);
         free(exact);
     }
@@ -84,7 +92,9 @@ static void take(void *user, const void *data, size_t size)
 int main(int argc, char **argv)
 {
     const char *rounds = getenv("SPBM_FUZZ_ROUNDS");
-    struct replay replay = {.rounds = rounds ? (unsigned)atoi(rounds) : 25, .random = 7};
+    struct replay replay = {.rounds = rounds ? (unsigned)atoi(rounds) : 25,
+                            .random = 7,
+                            .last = getenv("SPBM_FUZZ_LAST")};
     if (argc == 3 && strcmp(argv[1], "--seeds") == 0) {
         replay.folder = argv[2];
     } else if (argc > 1) {

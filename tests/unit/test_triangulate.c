@@ -498,9 +498,10 @@ static void bridged_holes_are_a_matter_of_ears(void **state)
     struct scratch scratch = {0};
     for (uint32_t round = 0; round < 300; round++) {
         enum { HOLES = 12 };
-        struct grid_point points[6 * HOLES + 2];
-        double heights[6 * HOLES + 2] = {0};
-        uint32_t n = 0, holes = 1 + round % HOLES, triangles[3 * (6 * HOLES + 2)];
+        struct grid_point points[6 * HOLES + 4];
+        double heights[6 * HOLES + 4] = {0};
+        uint32_t n = 0, holes = 1 + round % HOLES, triangles[3 * (6 * HOLES + 4)];
+        points[n++] = (struct grid_point){0, 0};
         for (uint32_t i = 0; i < holes; i++) {
             int32_t x = 1000 * (int32_t)i + 500, up = 100 + (int32_t)random_below(&seed, 300);
             int32_t left = (int32_t)random_below(&seed, 400),
@@ -514,12 +515,41 @@ static void bridged_holes_are_a_matter_of_ears(void **state)
             points[n++] = (struct grid_point){x, up};
             points[n++] = (struct grid_point){x, 0};
         }
+        points[n++] = (struct grid_point){1000 * (int32_t)holes, 0};
         points[n++] = (struct grid_point){1000 * (int32_t)holes, 900};
         points[n++] = (struct grid_point){0, 900};
         struct ear_input input = {.points = points, .heights = heights, .n = n};
         struct ear_result result;
         assert_int_equal(cut_ears(&ctx, &scratch, &input, triangles, &result), STATUS_OK);
         assert_int_equal(result.cut, n - 2);
+        assert_false(result.has_bad);
+        assert_is_disk(triangles, n);
+    }
+    scratch_clear(&ctx, &scratch);
+}
+
+/* A star-shaped hole in a star, bridged along a ray: at any time, corners in one place with others
+ * are among those of the ears that are left. */
+static void a_star_in_a_star_is_a_matter_of_ears(void **state)
+{
+    (void)state;
+    struct scratch scratch = {0};
+    for (uint32_t round = 0; round < 600; round++) {
+        enum { MOST = 60 };
+        uint32_t size = 3 + round % (MOST - 2), n = 2 * size + 2, triangles[3 * (2 * MOST + 2)];
+        struct shape shape = shape_star_polygon(size, round);
+        struct grid_point points[2 * MOST + 2];
+        double heights[2 * MOST + 2] = {0};
+        for (uint32_t i = 0; i < n; i++) {
+            uint32_t corner = (i <= size ? i : n - 1 - i) % size;
+            double scale = i <= size ? 0x1p29 : 0x1p28 * (0.1 + 0.9 * (round % 7) / 7);
+            points[i].x = (int32_t)(0x1p29 + shape.positions[3 * corner] * scale);
+            points[i].y = (int32_t)(0x1p29 + shape.positions[3 * corner + 1] * scale);
+        }
+        shape_free(&shape);
+        struct ear_input input = {.points = points, .heights = heights, .n = n};
+        struct ear_result result;
+        assert_int_equal(cut_ears(&ctx, &scratch, &input, triangles, &result), STATUS_OK);
         assert_false(result.has_bad);
         assert_is_disk(triangles, n);
     }
@@ -796,6 +826,7 @@ int main(void)
         cmocka_unit_test(bridged_holes_are_tiled),
         cmocka_unit_test(many_bridged_holes_are_tiled),
         cmocka_unit_test(bridged_holes_are_a_matter_of_ears),
+        cmocka_unit_test(a_star_in_a_star_is_a_matter_of_ears),
         cmocka_unit_test(pinched_chains_are_tiled),
         cmocka_unit_test(ramps_keep_their_sheets_apart),
         cmocka_unit_test(forbidden_diagonals_are_not_used),
