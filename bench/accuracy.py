@@ -29,7 +29,7 @@ MESHES = {
     "skull": ("skull.obj.gz", [10000, 2000, 1000]),
     "dragon": ("stanford_dragon.ply.gz", [87000, 17400, 8700]),
     "cranium": ("ct_cranium_open.ply.gz", [40000, 34200]),
-    "brain": ("mri_brain_3m.ply.gz", [306000, 61000, 30600]),
+    "brain": ("mri_brain_3m.ply.gz", [61000, 30600]),
     "fandisk": ("fandisk.off.gz", [1294, 260, 130]),
     "noisy": ("gen:--faces 1087716 --noise 0.04", [108770, 12700, 3500]),
     "clean": ("gen:--faces 1087716 --noise 0", [108770, 12700, 3500]),

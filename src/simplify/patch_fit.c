@@ -30,10 +30,10 @@
 enum { EXCERPTS = 4, EXCERPT_FACES = 1 << 13 };
 
 /* Patches for each face of the finest level, by effort; mode classic needs them to begin with. */
-static const double patches_a_face[4] = {0, 3.5, 10, 22};
+static const double patches_a_face[4] = {0, 2.5, 8, 22};
 static const double classic_patches_a_face = 0.6;
-/* The part of an error bound that a patch's bulge may take, by effort. */
-static const double bulge_part[4] = {0, 0.3, 0.2, 0.15};
+/* The part of an error bound that a mean patch's bulge may take, by effort. */
+static const double bulge_part[4] = {0, 0.03, 0.025, 0.02};
 
 /* Patch angles to choose from, degrees, ascending; the face angle is FACE_PART of it. */
 static const double angles[] = {0.25, 0.5, 0.75, 1,  1.4, 2,  2.8, 3.5, 4.2, 5, 6,
@@ -242,10 +242,13 @@ static struct fineness find_finest(const struct store_info *info, const struct t
         const double side = info->box_high[c] - info->box_low[c];
         square += side * side;
     }
+    const double diagonal = sqrt(square);
+    if (target->error_bound > 0)
+        finest.error = target->error_bound * (target->bound_is_relative ? diagonal : 1);
     for (uint32_t i = 0; i < target->count && i < TARGETS_MAX; i++) {
         const double value = target->values[i];
         if (target->kind == TARGET_ERROR) {
-            const double error = target->error_is_relative ? value * sqrt(square) : value;
+            const double error = value * (target->error_is_relative ? diagonal : 1);
             if (finest.error <= 0 || error < finest.error)
                 finest.error = error;
         } else {
@@ -260,10 +263,10 @@ static struct fineness find_finest(const struct store_info *info, const struct t
 static bool are_fine_enough(const struct store_info *info, const struct target *target,
                             const struct fineness *finest, double angle, double patches)
 {
-    const bool classic = target->mode == MODE_CLASSIC;
-    if (finest->faces > 0)
-        return patches >=
-               finest->faces * (classic ? classic_patches_a_face : patches_a_face[target->effort]);
+    const double wanted =
+        target->mode == MODE_CLASSIC ? classic_patches_a_face : patches_a_face[target->effort];
+    if (finest->faces > 0 && patches < wanted * finest->faces)
+        return false;
     if (finest->error <= 0 || patches <= 0)
         return true;
     const double radian = 0.017453292519943295;

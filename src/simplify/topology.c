@@ -182,6 +182,8 @@ static enum status begin_file(void *user, uint64_t vertices, uint64_t faces)
     struct run *run = user;
     struct export_options export = run->options->export;
     export.as_float32 = run->info->is_float32;
+    run->report->vertices = vertices;
+    run->report->faces = faces;
     return export_open(run->ctx, run->output, &export, vertices, faces, &run->info->attributes,
                        &run->exporter);
 }
@@ -260,6 +262,8 @@ static enum status write_merged(struct run *run)
         status = planes_merge(run->ctx, &run->mesh, cosines[0], 1e-5 * diagonal_of(run->info));
     if (status == STATUS_OK)
         status = mesh_save(run->ctx, run->output, &export, &run->mesh);
+    run->report->vertices = run->mesh.vertex_count;
+    run->report->faces = run->mesh.face_count;
     return status;
 }
 
@@ -325,14 +329,8 @@ enum status topology_run(struct context *ctx, const char *store_path, const char
         status = operate(&run);
     if (status == STATUS_OK)
         status = options->merge_coplanar ? write_merged(&run) : write_file(&run);
-    if (status == STATUS_OK) {
-        const struct store_info *info = run.info;
-        report->faces = options->merge_coplanar
-                            ? run.mesh.face_count
-                            : info->topology.faces - run.surgery.dropped_count +
-                                  run.surgery.fill_count;
+    if (status == STATUS_OK)
         status = fill_report(&run);
-    }
     run_clear(&run);
     return status;
 }

@@ -134,7 +134,7 @@ static void attributes_come_back(void **unused)
     struct chain_info info = fixture.set.info;
     add_attribute(&info.attributes, "red", SCALAR_UINT8);
     add_attribute(&info.attributes,
-                  "a rather long name of a property, 63 characters of it in all 63",
+                  "a_rather_long_name_of_a_property,_63_characters_of_it_in_all_63",
                   SCALAR_FLOAT64);
     add_attribute(&info.attributes, "id", SCALAR_INT16);
     uint32_t stride = info.attributes.stride, count = fixture.slabs.slab_count;
