@@ -20,8 +20,9 @@ PAGE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "doc", "er
 
 HEAD = """# What the program says of bad input
 
-Every message is one line on standard error: the file, the place in it (line, element or byte) and the reason. The exit code is
-1 for these, as it is for every input that cannot be used. This page is made by `scripts/make_error_table.py`, which makes each of these
+Every message is one line on standard error: the file, the place in it (line, element or byte) and the reason. Vertices, faces and
+facets are counted from 0, lines from 1. The exit code is 1 for these, as it is for every input that cannot be used. Warnings that come
+before are shown with the word. This page is made by `scripts/make_error_table.py`, which makes each of these
 files and runs the program on it.
 
 | # | the input | what is said (after `spbm: error: `) |
@@ -59,7 +60,7 @@ def cases(run):
     yield "PLY: a typing error in the header", "scan.ply", ply().replace(b"property float y", b"proprety float y")
     yield "PLY: a type that does not exist", "scan.ply", ply(third="floaty z")
     yield "PLY: no z", "scan.ply", ply(third="float w")
-    yield "PLY: the header does not end", "scan.ply", ply()[:120]
+    yield "PLY: the header does not end", "scan.ply", ply()[:ply().index(b"element face")]
     yield "PLY: 4,000,000,000 vertices in 200 bytes", "scan.ply", ply(little, 4000000000, 1, TRIANGLE)
     yield "PLY: cut off within a face", "scan.ply", whole[:-5]
     yield "PLY: more faces claimed than there are", "scan.ply", ply(faces=2, body=VERTICES + b"3 0 1 2\n")
@@ -76,10 +77,11 @@ def cases(run):
     yield "OBJ: an index relative to nothing", "part.obj", OBJ + b"f -4 -2 -1\n"
     yield "OBJ: a word instead of an index", "part.obj", OBJ + b"f 1 2 three\n"
     yield "OBJ: a decimal comma", "part.obj", b"v 0 0 0\nv 1,5 0 0\nv 0 1 0\nf 1 2 3\n"
-    yield "OFF: counts are missing", "part.off", b"OFF\n3\n" + VERTICES
+    yield "OFF: a count that is no number", "part.off", b"OFF\n3 one 0\n" + VERTICES
     yield "OFF: fewer vertices than claimed", "part.off", b"OFF\n9 1 0\n" + VERTICES
     yield "OFF: infinite", "part.off", b"OFF\n3 1 0\n0 0 0\n1 inf 0\n0 1 0\n3 0 1 2\n"
-    yield "STL: cut off", "part.stl", b"made by a test".ljust(80) + struct.pack("<I", 2) + bytes(50) + bytes(20)
+    yield "STL: cut off", "part.stl", \
+        b"made by a test".ljust(80) + struct.pack("<I", 100) + struct.pack("<12fH", 0, 0, 1, *range(9), 0) * 60
     yield "STL: a facet of two corners", "part.stl", \
         b"solid\n" + FACET.replace(b"vertex 0 1 0\n", b"") + b"endsolid\n"
     yield "STL: text that stops", "part.stl", b"solid\n" + FACET + FACET[:40]
@@ -128,8 +130,10 @@ class Maker:
             lines = [line for line in done.stderr.splitlines() if line.startswith("spbm: error: ")]
             if done.returncode != 1 or len(lines) != 1:
                 sys.exit("%s: exit code %d, %r" % (what, done.returncode, done.stderr))
-            message = lines[0][len("spbm: error: "):].replace("|", "\\|").replace("`", "'")
-            rows.append("| %d | %s | `%s` |\n" % (len(rows) + 1, what, message))
+            said = [line[len("spbm: "):] if line not in lines else line[len("spbm: error: "):]
+                    for line in done.stderr.splitlines()]
+            cell = "<br>".join("`%s`" % line.replace("|", "\\|").replace("`", "'") for line in said)
+            rows.append("| %d | %s | %s |\n" % (len(rows) + 1, what, cell))
             if data is not None:
                 os.unlink(self.path(name))
         shutil.rmtree(self.folder)

@@ -332,15 +332,6 @@ spbm_status spbm_export(spbm_job *job, const char *store, const char *output, sp
 
 /* ---- all three ---- */
 
-/* Where store and chain file of a whole run lie: kept under names, or in files without one. */
-struct workspace {
-    struct context *ctx;
-    const char *tmp_dir; /* of the context, put back at the end */
-    char folder[PATH_MAX];
-    char store[PATH_MAX], chains[PATH_MAX];
-    int store_fd, chains_fd; /* -1 when kept */
-};
-
 static enum status workspace_keep(struct workspace *work, const char *keep_dir)
 {
     struct context *ctx = work->ctx;
@@ -357,7 +348,7 @@ static enum status workspace_keep(struct workspace *work, const char *keep_dir)
     return status == STATUS_OK ? check_writable(ctx, work->chains) : status;
 }
 
-static enum status workspace_hide(struct workspace *work, const char *output)
+enum status workspace_hide(struct workspace *work, const char *output)
 {
     struct context *ctx = work->ctx;
     struct stat info;
@@ -379,8 +370,7 @@ static enum status workspace_hide(struct workspace *work, const char *output)
     return STATUS_OK;
 }
 
-/* Gives the temporary file's words instead of its path in /proc. */
-static void workspace_explain(struct workspace *work)
+void workspace_explain(struct workspace *work)
 {
     struct context *ctx = work->ctx;
     for (unsigned i = 0; i < 2; i++) {
@@ -397,7 +387,7 @@ static void workspace_explain(struct workspace *work)
     }
 }
 
-static void workspace_close(struct workspace *work)
+void workspace_close(struct workspace *work)
 {
     if (work->store_fd >= 0)
         close(work->store_fd);

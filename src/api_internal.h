@@ -5,6 +5,8 @@
 #ifndef SPBM_API_INTERNAL_H
 #define SPBM_API_INTERNAL_H
 
+#include <limits.h>
+
 #include "base/report.h"
 #include "inspect/quality.h"
 #include "mesh/store.h"
@@ -20,6 +22,23 @@ struct spbm_job {
  * failure always has words. */
 struct context *call_begin(spbm_job *job);
 spbm_status call_end(spbm_job *job, enum status status);
+
+/* ---- temporary files ---- */
+
+/* Where store and chain file of a whole run lie: kept under names, or in files without one. */
+struct workspace {
+    struct context *ctx;
+    const char *tmp_dir; /* of the context, put back at the end */
+    char folder[PATH_MAX];
+    char store[PATH_MAX], chains[PATH_MAX];
+    int store_fd, chains_fd; /* -1 when kept */
+};
+
+/* Opens both without a name, where `output` lies if nothing else is said; fds are -1 before. */
+enum status workspace_hide(struct workspace *work, const char *output) MUST_CHECK;
+/* Gives the temporary file's words instead of its path in /proc. */
+void workspace_explain(struct workspace *work);
+void workspace_close(struct workspace *work);
 
 /* ---- options ---- */
 

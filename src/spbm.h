@@ -378,6 +378,85 @@ SPBM_API spbm_status spbm_lod(spbm_job *job, const char *chains, const char *out
 SPBM_API spbm_status spbm_level_name(const char *output, uint32_t level, uint32_t level_count,
                                      char *name, size_t size);
 
+/* ---- topology ---- */
+
+/* A length, or a fraction of the diagonal of the bounding box. */
+typedef struct spbm_length {
+    double value; /* 0: not asked for */
+    int is_relative;
+} spbm_length;
+
+typedef enum spbm_loop_size {
+    SPBM_SIZE_EXACT = 0,   /* largest distance of two vertices of a feature's largest loop */
+    SPBM_SIZE_SAMPLED = 1, /* estimated from two or three of its vertices */
+    SPBM_SIZE_BOX = 2,     /* diagonal of its bounding box */
+    SPBM_SIZE_EXTENT = 3   /* largest distance of two vertices of the whole feature */
+} spbm_loop_size;
+
+typedef enum spbm_feature_kind {
+    SPBM_HOLE = 0,      /* several loops, empty between them */
+    SPBM_CAVITY = 1,    /* one loop, the wall goes into the solid */
+    SPBM_BUMP = 2,      /* one loop, the wall rises from the solid */
+    SPBM_PIPE = 3,      /* several loops, solid between them */
+    SPBM_COMPONENT = 4, /* a component of the mesh */
+    SPBM_CRACK = 5,     /* a border loop */
+    SPBM_HANDLE = 6,    /* a smooth handle or tunnel */
+    SPBM_FEATURE_KINDS = 7
+} spbm_feature_kind;
+
+/* One word for a kind, for instance "hole"; never NULL. Static. */
+SPBM_API const char *spbm_feature_text(spbm_feature_kind kind);
+
+/* Something that was removed. */
+typedef struct spbm_feature {
+    spbm_feature_kind kind;
+    uint32_t loops;  /* that were filled */
+    double size;     /* of its largest loop; of a component the diagonal of its box; a length */
+    double place[3]; /* the middle of that loop or box */
+} spbm_feature;
+
+typedef struct spbm_topology_options {
+    spbm_import_options import;
+    spbm_length max_feature; /* holes, bumps and cavities all of whose loops are smaller go */
+    spbm_loop_size size;
+    double sharp_angle[2];       /* degrees: edges in between are sharp; default 45, 180 */
+    int remove_pipes;            /* what is solid between two loops, too */
+    spbm_length drop_components; /* whole components whose box has a smaller diagonal go */
+    spbm_length close_cracks;    /* border loops that are smaller are filled */
+    int crack_inscribed; /* their size is that of the largest circle inside, not the diameter */
+    int merge_coplanar;  /* planes are triangulated anew, by the fewest triangles */
+    spbm_format format;  /* of the output */
+    int sync;            /* default 1 */
+    /* Called for everything that was removed, at the end, in a fixed order; may be NULL. */
+    void (*removed)(void *user, const spbm_feature *feature);
+    void *user;
+    uint64_t reserved[8];
+} spbm_topology_options;
+
+SPBM_API void spbm_topology_defaults(spbm_topology_options *options);
+
+typedef struct spbm_topology_report {
+    uint32_t stage_count;
+    spbm_stage stages[2]; /* import (if there was one), topology */
+    spbm_store_figures store;
+    uint64_t counts[SPBM_FEATURE_KINDS]; /* of what was removed */
+    uint64_t blocked;       /* small enough, but kept, for no fill would leave a manifold */
+    uint64_t dropped_faces; /* of the original */
+    uint64_t added_faces;   /* fills */
+    uint64_t vertices, faces; /* of the output */
+    uint64_t reserved[8];
+} spbm_topology_report;
+
+/*
+ * Removes small features of the topology and nothing else: all other faces are written as they
+ * are (with merge_coplanar: planes anew). The inputs are mesh files, as for spbm_import, or one mesh
+ * store. `report` may be NULL. Fails as spbm_import does.
+ */
+SPBM_API spbm_status spbm_simplify_topology(spbm_job *job, const char *const *inputs,
+                                            size_t input_count, const char *output,
+                                            const spbm_topology_options *options,
+                                            spbm_topology_report *report);
+
 /* ---- all three ---- */
 
 typedef struct spbm_simplify_options {

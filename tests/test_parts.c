@@ -77,8 +77,8 @@ static unsigned zip_rings(struct shape *shape, const struct ring *outer, const s
         }
     }
     unsigned o = 0, i = 0;
-    double outer_angle = 0, inner_angle = turn(start, atan2(inner->y[best] - y,
-                                                            inner->x[best] - x));
+    double outer_angle = 0,
+           inner_angle = turn(start, atan2(inner->y[best] - y, inner->x[best] - x));
     while (o < outer->count || i < inner->count) {
         unsigned oa = o % outer->count, ob = (o + 1) % outer->count;
         unsigned ia = (best + i) % inner->count, ib = (best + i + 1) % inner->count;
@@ -86,10 +86,9 @@ static unsigned zip_rings(struct shape *shape, const struct ring *outer, const s
                                  atan2(outer->y[ob] - y, outer->x[ob] - x));
         double inner_step = turn(atan2(inner->y[ia] - y, inner->x[ia] - x),
                                  atan2(inner->y[ib] - y, inner->x[ib] - x));
-        bool takes_outer =
-            i == inner->count ||
-            (o < outer->count && fabs(outer_angle + outer_step - inner_angle) <=
-                                     fabs(inner_angle + inner_step - outer_angle));
+        bool takes_outer = i == inner->count ||
+                           (o < outer->count && fabs(outer_angle + outer_step - inner_angle) <=
+                                                    fabs(inner_angle + inner_step - outer_angle));
         if (takes_outer) {
             add_face(shape, is_up, outer->vertices[oa], outer->vertices[ob], inner->vertices[ia]);
             folds += triangle_turn(outer, oa, ob, inner, ia) <= 0;
@@ -287,9 +286,9 @@ static void add_edge(struct builder *builder, unsigned side, unsigned x, unsigne
     if (*first == UINT32_MAX)
         for (unsigned i = 1; i <= more; i++) {
             double t = (float)((double)i / (more + 1));
-            uint32_t v = shape_vertex(&builder->shape, low_x + (k % 2 ? 0 : t),
-                                      low_y + (k % 2 ? t : 0),
-                                      side ? builder->plate->thickness : 0);
+            uint32_t v =
+                shape_vertex(&builder->shape, low_x + (k % 2 ? 0 : t), low_y + (k % 2 ? t : 0),
+                             side ? builder->plate->thickness : 0);
             if (i == 1)
                 *first = v;
         }
@@ -300,7 +299,8 @@ static void add_edge(struct builder *builder, unsigned side, unsigned x, unsigne
     }
 }
 
-static bool edge_is_border(const struct part_plate *plate, unsigned column, unsigned row, unsigned k)
+static bool edge_is_border(const struct part_plate *plate, unsigned column, unsigned row,
+                           unsigned k)
 {
     static const int step_x[] = {0, 1, 0, -1}, step_y[] = {-1, 0, 1, 0};
     return !cell_is_solid(plate, (int)column + step_x[k], (int)row + step_y[k]);
@@ -541,7 +541,8 @@ struct part_plate part_block(unsigned number)
             if (number == 1)
                 cell->is_solid = y == 0 || x < 2 || x >= 4;
             else
-                cell->is_solid = (x >= third && x < side - third) || (y >= third && y < side - third);
+                cell->is_solid =
+                    (x >= third && x < side - third) || (y >= third && y < side - third);
             if (cell->is_solid && holes > 0) {
                 set_hole(cell, 44, 0.5);
                 holes--;
@@ -581,7 +582,8 @@ static void sector(const struct ring *outer, const struct ring *inner, unsigned 
     }
 }
 
-/* A flat ring of sectors with a feature each, on both sides: through holes or pockets from above. */
+/* A flat ring of sectors with a feature each, on both sides: through holes or pockets from above.
+ */
 static void feature_sectors(struct shape *shape, const struct ring outer[2],
                             const struct ring inner[2], unsigned sectors,
                             const struct part_feature *feature, double low, double high)
@@ -691,10 +693,10 @@ struct shape part_cylinder(void)
                     ring_add(ring, grid[side][y][(TUBE_STEPS * x + i) % (TUBE_AROUND * TUBE_STEPS)],
                              x + (double)i / TUBE_STEPS, y);
                 for (unsigned i = 0; i < TUBE_STEPS; i++)
-                    ring_add(ring,
-                             grid[side][y + 1]
-                                 [(TUBE_STEPS * (x + 1) - i) % (TUBE_AROUND * TUBE_STEPS)],
-                             x + 1 - (double)i / TUBE_STEPS, y + 1);
+                    ring_add(
+                        ring,
+                        grid[side][y + 1][(TUBE_STEPS * (x + 1) - i) % (TUBE_AROUND * TUBE_STEPS)],
+                        x + 1 - (double)i / TUBE_STEPS, y + 1);
                 uint32_t corner =
                     grid[side][y][(TUBE_STEPS * (x + 1)) % (TUBE_AROUND * TUBE_STEPS)];
                 uint32_t last = grid[side][y + 1][TUBE_STEPS * x];

@@ -1,6 +1,6 @@
 /*
- * Machine parts built in code, with holes, bumps and pockets whose sizes are known: the parts of the
- * dissertation's table 2 and random plates. What must be left after topology simplification is
+ * Machine parts built in code, with holes, bumps and pockets whose sizes are known: the parts of
+ * the dissertation's table 2 and random plates. What must be left after topology simplification is
  * computed from the construction, by building the part anew without what is too small.
  */
 #ifndef SPBM_TEST_PARTS_H
@@ -25,7 +25,8 @@ struct part_feature {
     double taper; /* the far outline is this times as large */
 };
 
-/* What a cell of a plate carries on one side: outermost first; a hole comes last and on top only. */
+/* What a cell of a plate carries on one side: outermost first; a hole comes last and on top only.
+ */
 struct part_cell {
     bool is_solid; /* else there is no plate here */
     unsigned top_count, bottom_count;
@@ -50,7 +51,8 @@ bool plate_is_sound(const struct part_plate *plate);
 
 /* Largest distance of two corners of its two outlines, each by itself. */
 double feature_diameter(const struct part_feature *feature);
-/* Largest distance of any two of its corners, those of the part's `thickness` counted for a hole. */
+/* Largest distance of any two of its corners, those of the part's `thickness` counted for a hole.
+ */
 double feature_extent(const struct part_feature *feature, double thickness);
 
 /* What is left when all features below `size` go (see plate_reduce), and how many went. A feature
@@ -75,13 +77,13 @@ void feature_square(struct part_feature *feature, double side);
 void feature_peanut(struct part_feature *feature, unsigned corners, double diameter, double apart);
 
 /* Table 2. Each with a `plate` from which the expectations come. */
-struct part_plate part_box(void);                 /* 4 holes, 1,612 triangles */
-struct part_plate part_fixture(unsigned side);    /* side * side holes: 10, 20 */
-struct part_plate part_battery(void);             /* 9 bumps of three sizes */
-struct part_plate part_block(unsigned number);    /* 1 to 3: 16, 32, 80 holes */
-struct shape part_disk(void);                     /* 10 small holes, one large: 752 triangles */
-struct shape part_gear(void);                     /* 10 holes, 30 cavities */
-struct shape part_cylinder(void);                 /* 50 radial holes into one bore */
+struct part_plate part_box(void);              /* 4 holes, 1,612 triangles */
+struct part_plate part_fixture(unsigned side); /* side * side holes: 10, 20 */
+struct part_plate part_battery(void);          /* 9 bumps of three sizes */
+struct part_plate part_block(unsigned number); /* 1 to 3: 16, 32, 80 holes */
+struct shape part_disk(void);                  /* 10 small holes, one large: 752 triangles */
+struct shape part_gear(void);                  /* 10 holes, 30 cavities */
+struct shape part_cylinder(void);              /* 50 radial holes into one bore */
 
 /* ---- changes ---- */
 void shape_rotate(struct shape *shape, double x, double y, double z); /* radians, in this order */

@@ -8,6 +8,7 @@
 #include "run.h"
 
 spbm_status cmd_simplify(struct run *run);
+spbm_status cmd_topology(struct run *run);
 spbm_status cmd_import(struct run *run);
 spbm_status cmd_patchify(struct run *run);
 spbm_status cmd_lod(struct run *run);

@@ -52,6 +52,17 @@ static const struct command commands[] = {
      "\n"
      "  spbm export scan.store -o clean.ply\n",
      GROUP_SHARED | GROUP_OUTPUT | GROUP_FORMAT, 1, 1, cmd_export},
+    {"topology", "Topology", "IN... -o OUT [options]",
+     "removes small holes, bumps, cavities, cracks and specks",
+     "Removes features below a size and nothing else: all other faces are written as they are. IN\n"
+     "are mesh files (several are one mesh) or one mesh store. What was removed is listed with\n"
+     "--verbose and --json.\n"
+     "\n"
+     "  spbm topology part.stl -o plain.stl --max-feature 5\n"
+     "  spbm topology part.stl -o plain.stl --max-feature 3% --merge-coplanar\n"
+     "  spbm topology scan.ply -o clean.ply --drop-components 3% --close-cracks 2%\n",
+     GROUP_SHARED | GROUP_OUTPUT | GROUP_WELD | GROUP_FORMAT | GROUP_TOPOLOGY, 1, UINT32_MAX,
+     cmd_topology},
     {"info", "Look at files", "FILE [options]", "what a mesh, mesh store or chain file holds",
      "Describes FILE on standard output: counts, topology, the floor (the fewest faces that its\n"
      "topology allows), and what it was made from.\n",
@@ -128,7 +139,7 @@ static const struct command *find_command(const char *name)
             least = distance;
         }
     }
-    if (is_near(name, least))
+    if (nearest && is_near(name, least))
         fprintf(stderr, "spbm: unknown command %s; did you mean %s? (spbm --help lists all)\n",
                 name, nearest->name);
     else

@@ -73,6 +73,29 @@ const struct option_row option_rows[] = {
      "no names and counts below (default: with them)"},
     {OPTION_BACKGROUND, GROUP_RENDER, 0, "background", "RRGGBB",
      "colour behind the meshes (default: @background@)"},
+    {OPTION_MAX_FEATURE, GROUP_TOPOLOGY, 0, "max-feature", "SIZE",
+     "remove holes, bumps and cavities that are smaller; a length, or\n"
+     "with % a fraction of the bounding box's diagonal"},
+    {OPTION_FEATURE_SIZE, GROUP_TOPOLOGY, 0, "size", "M",
+     "how large a feature is: exact: the diameter of its largest loop;\n"
+     "sampled: the same, estimated; box: the diagonal of its box;\n"
+     "extent: the diameter of the whole feature (default: exact)"},
+    {OPTION_SHARP_ANGLE, GROUP_TOPOLOGY, 0, "sharp-angle", "A[,MAX]",
+     "degrees between neighbours above which an edge is sharp, and at\n"
+     "most (default: 45,180)"},
+    {OPTION_KEEP_PIPES, GROUP_TOPOLOGY, 0, "keep-pipes", NULL,
+     "keep what is solid between two loops (default: on)"},
+    {OPTION_REMOVE_PIPES, GROUP_TOPOLOGY, 0, "remove-pipes", NULL,
+     "remove it, too, like a hole (default: off)"},
+    {OPTION_DROP_COMPONENTS, GROUP_TOPOLOGY, 0, "drop-components", "SIZE",
+     "drop components whose box has a smaller diagonal"},
+    {OPTION_CLOSE_CRACKS, GROUP_TOPOLOGY, 0, "close-cracks", "SIZE",
+     "fill border loops that are smaller"},
+    {OPTION_CRACK_SIZE, GROUP_TOPOLOGY, 0, "crack-size", "M",
+     "how large a border loop is: diameter, or inscribed: that of the\n"
+     "largest circle inside (default: diameter)"},
+    {OPTION_MERGE_COPLANAR, GROUP_TOPOLOGY, 0, "merge-coplanar", NULL,
+     "triangulate planes anew, by the fewest triangles (default: off)"},
     {OPTION_MEMORY, GROUP_SHARED, 'm', "memory", "SIZE",
      "memory budget; K, M, G are binary (default: half of what\n"
      "machine, control group or Slurm give; here @memory@)"},
@@ -154,6 +177,7 @@ void options_help(const struct command *command, FILE *file)
         {GROUP_TARGET, "Target (one of the first three is needed)"},
         {GROUP_PATCH, "Patches"},
         {GROUP_PLACE, "Vertices"},
+        {GROUP_TOPOLOGY, "What is removed (one at least is needed)"},
         {GROUP_MEASURE, "Measuring"},
         {GROUP_RENDER, "Picture"},
         {GROUP_SHARED, "Any command"},

@@ -195,6 +195,56 @@ static void take_chain_tolerance(struct parser *parser, const char *name, const 
     parser->options->patch.tolerance_is_relative = is_relative;
 }
 
+static void take_length(struct parser *parser, const char *name, const char *value,
+                        spbm_length *length)
+{
+    bool is_relative = false;
+    if (!read_length(value, &length->value, &is_relative) || !(length->value > 0))
+        bad_value(parser, name, value, "a size above 0, as 0.02 or 3%");
+    length->is_relative = is_relative;
+}
+
+static void take_topology_option(struct parser *parser, const struct option_row *row,
+                                 const char *value)
+{
+    static const char *const measures[] = {"exact", "sampled", "box", "extent", NULL};
+    static const char *const cracks[] = {"diameter", "inscribed", NULL};
+    spbm_topology_options *topology = &parser->options->topology;
+    int word;
+    switch (row->id) {
+    case OPTION_MAX_FEATURE:
+        take_length(parser, row->name, value, &topology->max_feature);
+        break;
+    case OPTION_FEATURE_SIZE:
+        word = read_word(parser, row->name, value, measures);
+        topology->size = word >= 0 ? (spbm_loop_size)word : SPBM_SIZE_EXACT;
+        break;
+    case OPTION_SHARP_ANGLE:
+        read_angles(parser, row->name, value, topology->sharp_angle);
+        break;
+    case OPTION_KEEP_PIPES:
+        topology->remove_pipes = 0;
+        break;
+    case OPTION_REMOVE_PIPES:
+        topology->remove_pipes = 1;
+        break;
+    case OPTION_DROP_COMPONENTS:
+        take_length(parser, row->name, value, &topology->drop_components);
+        break;
+    case OPTION_CLOSE_CRACKS:
+        take_length(parser, row->name, value, &topology->close_cracks);
+        break;
+    case OPTION_CRACK_SIZE:
+        topology->crack_inscribed = read_word(parser, row->name, value, cracks) == 1;
+        break;
+    case OPTION_MERGE_COPLANAR:
+        topology->merge_coplanar = 1;
+        break;
+    default:
+        break;
+    }
+}
+
 /* Options about the job: shared, measure, render. */
 static void take_job_option(struct parser *parser, const struct option_row *row, const char *value)
 {
@@ -309,7 +359,10 @@ static void take_option(struct parser *parser, const struct option_row *row, con
         options->keep_dir = value;
         break;
     default:
-        take_job_option(parser, row, value);
+        if (row->group == GROUP_TOPOLOGY)
+            take_topology_option(parser, row, value);
+        else
+            take_job_option(parser, row, value);
         break;
     }
 }
@@ -343,14 +396,18 @@ static void unknown(struct parser *parser, const char *word)
         misuse(parser, "unknown option --%s", word);
 }
 
-static const struct option_row *find_long(const char *name, size_t length)
+/* The option of that name; of several, the command's own (--size means two things). */
+static const struct option_row *find_long(const struct command *command, const char *name,
+                                          size_t length)
 {
+    const struct option_row *found = NULL;
     for (size_t i = 0; i < option_row_count; i++) {
         if (strlen(option_rows[i].name) == length &&
-            strncmp(option_rows[i].name, name, length) == 0)
-            return &option_rows[i];
+            strncmp(option_rows[i].name, name, length) == 0 &&
+            (!found || (option_rows[i].group & command->groups)))
+            found = &option_rows[i];
     }
-    return NULL;
+    return found;
 }
 
 static const struct option_row *find_letter(char letter)
@@ -369,7 +426,7 @@ static int take_long(struct parser *parser, const char *word, const char *next, 
     char name[64];
     size_t length = strcspn(word, "=");
     const char *value = word[length] == '=' ? word + length + 1 : NULL;
-    const struct option_row *row = find_long(word, length);
+    const struct option_row *row = find_long(parser->command, word, length);
     snprintf(name, sizeof name, "%.*s", (int)length, word);
     if (!row) {
         unknown(parser, name);
@@ -477,6 +534,7 @@ static void set_defaults(struct options *options)
     spbm_lod_defaults(&options->lod);
     spbm_measure_defaults(&options->measure);
     spbm_render_defaults(&options->render);
+    spbm_topology_defaults(&options->topology);
 }
 
 enum parsed options_parse(const struct command *command, const struct command *commands, int argc,

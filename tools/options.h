@@ -24,7 +24,8 @@ enum {
     GROUP_FORMAT = 64,
     GROUP_KEEP = 128,
     GROUP_MEASURE = 256,
-    GROUP_RENDER = 512
+    GROUP_RENDER = 512,
+    GROUP_TOPOLOGY = 1024
 };
 
 struct run;
@@ -51,6 +52,7 @@ struct options {
     spbm_lod_options lod;
     spbm_measure_options measure;
     spbm_render_options render;
+    spbm_topology_options topology;
     uint64_t memory;  /* 0: not given */
     unsigned threads; /* 0: not given */
 };

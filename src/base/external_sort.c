@@ -438,7 +438,7 @@ enum status sorter_next(struct sorter *sorter, const void **records, size_t *cou
         sorter->count = 0;
         return STATUS_OK;
     }
-    const unsigned char *merged;
+    const unsigned char *merged = NULL;
     enum status status = merge_next(sorter, &merged, count);
     *records = merged;
     return status;

@@ -8,9 +8,9 @@
  *
  * - All corners of the rest stand in one heap, ordered by kind (proper ear, blocked ear, reflex, no
  *   area, forbidden), then by angle, then by number. Cutting one moves its two neighbours.
- * - A blocked ear waits at the corner that blocks it, until that is cut. It need not be looked at
- *   when that corner becomes convex: while any corner is in the ear, one that is not convex is. So
- *   the heap's top is the best ear there is at any time.
+ * - Only these two are looked at again. A blocked ear stays blocked as long as its own triangle
+ *   stays: of the corners in it, the one farthest from the diagonal is not convex, so that it is
+ * not cut. So the heap's top is the best ear there is at any time.
  * - The blocking corners are found in a point_tree (or by a plain loop while n is small).
  *
  * In a simple loop a proper ear is always left (two-ears theorem; an ear without area is never
@@ -28,7 +28,6 @@
 
 #include "geom/point_tree.h"
 
-#define NONE UINT32_MAX
 enum { LOOP_SEARCH_MAX = 48 }; /* corners up to which blocking ones are searched by a plain loop */
 
 enum kind { KIND_EAR, KIND_BLOCKED, KIND_REFLEX, KIND_FLAT, KIND_FORBIDDEN };
@@ -42,9 +41,7 @@ struct clipper {
     uint32_t *previous, *next;
     /* The heap: corners by key; the smallest key is on top. */
     uint32_t *heap, *place;
-    double *key; /* 4 * kind + 1 - cosine */
-    /* Ears that wait at a blocking corner: doubly linked lists. */
-    uint32_t *first_waiting, *next_waiting, *previous_waiting, *blocker;
+    double *key;          /* 4 * kind + 1 - cosine */
     uint8_t *is_blocking; /* not convex and not cut */
     uint8_t *is_forbidden;
 };
@@ -106,34 +103,6 @@ static void heap_remove(struct clipper *clipper, uint32_t corner)
     }
 }
 
-/* ---- waiting ---- */
-
-static void stop_waiting(struct clipper *clipper, uint32_t corner)
-{
-    uint32_t at = clipper->blocker[corner];
-    if (at == NONE)
-        return;
-    uint32_t previous = clipper->previous_waiting[corner], next = clipper->next_waiting[corner];
-    if (previous == NONE)
-        clipper->first_waiting[at] = next;
-    else
-        clipper->next_waiting[previous] = next;
-    if (next != NONE)
-        clipper->previous_waiting[next] = previous;
-    clipper->blocker[corner] = NONE;
-}
-
-static void wait_at(struct clipper *clipper, uint32_t corner, uint32_t blocker)
-{
-    uint32_t next = clipper->first_waiting[blocker];
-    clipper->blocker[corner] = blocker;
-    clipper->previous_waiting[corner] = NONE;
-    clipper->next_waiting[corner] = next;
-    if (next != NONE)
-        clipper->previous_waiting[next] = corner;
-    clipper->first_waiting[blocker] = corner;
-}
-
 /* ---- tests ---- */
 
 static double distance_squared(struct grid_point a, struct grid_point b)
@@ -181,16 +150,16 @@ static bool blocks(const void *user, uint32_t corner)
     return ear->clipper->is_simple || !is_on_other_sheet(ear, corner);
 }
 
-static uint32_t find_blocker(const struct clipper *clipper, const struct ear *ear)
+static bool has_blocker(const struct clipper *clipper, const struct ear *ear)
 {
     const struct grid_point *points = clipper->points;
     struct grid_point a = points[ear->a], b = points[ear->b], c = points[ear->c];
     if (clipper->has_tree)
-        return point_tree_find(&clipper->tree, a, b, c, blocks, ear);
+        return point_tree_find(&clipper->tree, a, b, c, blocks, ear) != UINT32_MAX;
     for (uint32_t i = 0; i < clipper->input->n; i++)
         if (clipper->is_blocking[i] && triangle_holds(a, b, c, points[i]) && blocks(ear, i))
-            return i;
-    return NONE;
+            return true;
+    return false;
 }
 
 /* ---- states ---- */
@@ -203,7 +172,7 @@ static void set_blocking(struct clipper *clipper, uint32_t corner, bool is_block
         clipper->is_blocking[corner] = is_blocking;
 }
 
-static enum kind kind_of(struct clipper *clipper, const struct ear *ear)
+static enum kind kind_of(const struct clipper *clipper, const struct ear *ear)
 {
     const struct grid_point *points = clipper->points;
     int64_t turn = orientation(points[ear->a], points[ear->b], points[ear->c]);
@@ -211,18 +180,13 @@ static enum kind kind_of(struct clipper *clipper, const struct ear *ear)
         return KIND_FORBIDDEN;
     if (turn <= 0)
         return turn == 0 ? KIND_FLAT : KIND_REFLEX;
-    uint32_t blocker = find_blocker(clipper, ear);
-    if (blocker == NONE)
-        return KIND_EAR;
-    wait_at(clipper, ear->b, blocker);
-    return KIND_BLOCKED;
+    return has_blocker(clipper, ear) ? KIND_BLOCKED : KIND_EAR;
 }
 
 /* Sets a corner's key anew. */
 static void judge(struct clipper *clipper, uint32_t corner)
 {
     struct ear ear = {clipper, clipper->previous[corner], corner, clipper->next[corner]};
-    stop_waiting(clipper, corner);
     enum kind kind = kind_of(clipper, &ear);
     const struct grid_point *points = clipper->points;
     double openness = 1 - cosine_at(points[ear.a], points[ear.b], points[ear.c]);
@@ -234,20 +198,6 @@ static void rejudge(struct clipper *clipper, uint32_t corner)
 {
     judge(clipper, corner);
     heap_move(clipper, corner);
-}
-
-/* Those that wait at a corner, which has changed, are judged again. */
-static void wake(struct clipper *clipper, uint32_t corner)
-{
-    uint32_t waiting = clipper->first_waiting[corner];
-    clipper->first_waiting[corner] = NONE;
-    for (uint32_t i = waiting; i != NONE; i = clipper->next_waiting[i])
-        clipper->blocker[i] = NONE; /* they are in no list now */
-    while (waiting != NONE) {
-        uint32_t next = clipper->next_waiting[waiting];
-        rejudge(clipper, waiting);
-        waiting = next;
-    }
 }
 
 /* A neighbour of the corner has been cut: its triangle is another one. */
@@ -265,13 +215,11 @@ static void update(struct clipper *clipper, uint32_t corner)
 static void cut(struct clipper *clipper, uint32_t corner)
 {
     uint32_t a = clipper->previous[corner], c = clipper->next[corner];
-    stop_waiting(clipper, corner);
     heap_remove(clipper, corner);
     clipper->next[a] = c;
     clipper->previous[c] = a;
     if (clipper->is_blocking[corner])
         set_blocking(clipper, corner, false);
-    wake(clipper, corner);
     update(clipper, a);
     update(clipper, c);
 }
@@ -284,7 +232,7 @@ static enum status set_up(struct context *ctx, struct scratch *scratch,
     size_t n = input->n;
     bool has_tree = n > LOOP_SEARCH_MAX;
     size_t tree_bytes = has_tree ? point_tree_size(input->n) : 0;
-    enum status status = scratch_reserve(ctx, scratch, tree_bytes + n * (8 + 8 * 4 + 2));
+    enum status status = scratch_reserve(ctx, scratch, tree_bytes + n * (8 + 4 * 4 + 2));
     if (status != STATUS_OK)
         return status;
     unsigned char *block = scratch->block + (tree_bytes + 7) / 8 * 8;
@@ -298,18 +246,13 @@ static enum status set_up(struct context *ctx, struct scratch *scratch,
     clipper->next = clipper->previous + n;
     clipper->heap = clipper->next + n;
     clipper->place = clipper->heap + n;
-    clipper->first_waiting = clipper->place + n;
-    clipper->next_waiting = clipper->first_waiting + n;
-    clipper->previous_waiting = clipper->next_waiting + n;
-    clipper->blocker = clipper->previous_waiting + n;
-    clipper->is_blocking = (uint8_t *)(clipper->blocker + n);
+    clipper->is_blocking = (uint8_t *)(clipper->place + n);
     clipper->is_forbidden = clipper->is_blocking + n;
 
     memset(clipper->is_forbidden, 0, n);
     for (uint32_t i = 0; i < input->n; i++) {
         clipper->previous[i] = i == 0 ? input->n - 1 : i - 1;
         clipper->next[i] = i + 1 == input->n ? 0 : i + 1;
-        clipper->first_waiting[i] = clipper->blocker[i] = NONE;
         clipper->is_blocking[i] = orientation(input->points[clipper->previous[i]], input->points[i],
                                               input->points[clipper->next[i]]) <= 0;
     }
@@ -323,11 +266,6 @@ static enum status set_up(struct context *ctx, struct scratch *scratch,
     for (uint32_t i = input->n / 2; i-- > 0;)
         sift_down(clipper, i);
     return STATUS_OK;
-}
-
-static bool is_bad(const struct clipper *clipper, uint32_t a, uint32_t b, uint32_t c)
-{
-    return orientation(clipper->points[a], clipper->points[b], clipper->points[c]) <= 0;
 }
 
 static void hand_back(struct clipper *clipper, struct ear_result *result)
@@ -383,7 +321,6 @@ enum status cut_ears(struct context *ctx, struct scratch *scratch, const struct 
         triangle[0] = a;
         triangle[1] = b;
         triangle[2] = c;
-        result->has_bad |= is_bad(&clipper, a, b, c);
         if (clipper.count == 3)
             return STATUS_OK;
         cut(&clipper, b);

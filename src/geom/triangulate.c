@@ -5,8 +5,9 @@
  * loop is projected to its plane and rounded to a grid of 2^30 steps, where all tests are exact:
  *
  *   1. Triangles and quadrangles are decided at once.
- *   2. Others are tested for being simple and go to ear_clip.c, which cuts ears by increasing angle
- *      and always succeeds on a simple loop when no diagonal is forbidden.
+ *   2. Others are tested for being simple (part_twins.c makes those simple that only bridges keep
+ *      from it) and go to ear_clip.c, which cuts ears by increasing angle and always succeeds on a
+ *      simple loop when no diagonal is forbidden.
  *   3. When it runs out of proper ears and the loop (or the rest of a large one) is small, all its
  *      triangulations are weighed by dynamic programming: fewest triangles turned over, then
  *      fewest without area, then least area in space. This finds a triangulation whenever there is
@@ -22,6 +23,7 @@
 
 #include "base/memory.h"
 #include "geom/ear_clip.h"
+#include "geom/part_twins.h"
 #include "geom/vec.h"
 
 enum { TABLE_SIDE = TRIANGULATION_EXHAUSTIVE_MAX };
@@ -30,6 +32,7 @@ struct loop {
     const double *corners; /* 3 each, as given */
     uint32_t n;
     struct grid_point *points;
+    struct grid_point *parted; /* room for a copy of them */
     double *heights;
     bool is_against_normal; /* the given normal could not be used */
     bool (*diagonal_allowed)(void *user, uint32_t i, uint32_t j);
@@ -255,10 +258,10 @@ static void weigh_part(const struct loop *loop, const uint32_t *ring, uint32_t c
     table[i][j] = best;
 }
 
-/* Writes the triangles of the best triangulation of the ring; false when there is none. */
+/* Writes the triangles of the best triangulation of the ring; *found is false when there is none.
+ */
 static enum status weigh_all(struct context *ctx, struct scratch *scratch, const struct loop *loop,
-                             const uint32_t *ring, uint32_t count, uint32_t *triangles,
-                             uint32_t *bad)
+                             const uint32_t *ring, uint32_t count, uint32_t *triangles, bool *found)
 {
     struct cost(*table)[TABLE_SIDE];
     enum status status = scratch_reserve(ctx, scratch, TABLE_SIDE * sizeof *table);
@@ -270,8 +273,8 @@ static enum status weigh_all(struct context *ctx, struct scratch *scratch, const
     for (uint32_t width = 2; width < count; width++)
         for (uint32_t i = 0; i + width < count; i++)
             weigh_part(loop, ring, count, table, i, i + width);
-    *bad = table[0][count - 1].bad;
-    if (*bad >= DEAR)
+    *found = table[0][count - 1].bad < DEAR;
+    if (!*found)
         return STATUS_OK;
 
     struct {
@@ -298,46 +301,78 @@ static enum status weigh_all(struct context *ctx, struct scratch *scratch, const
 
 /* ---- the whole ---- */
 
+/* Chooses the points by which ears are cut, and says whether they make a simple loop. */
+static enum status choose_points(struct context *ctx, struct triangulation_workspace *ws,
+                                 const struct loop *loop, struct ear_input *input, bool *is_simple)
+{
+    enum status status = loop_is_simple(ctx, &ws->sweep, loop->points, loop->n, is_simple);
+    input->points = loop->points;
+    input->is_simple = *is_simple;
+    if (status != STATUS_OK || *is_simple)
+        return status;
+    bool has_twins;
+    status = part_twins(ctx, &ws->sweep, loop->points, loop->n, loop->parted, &has_twins);
+    if (status == STATUS_OK && has_twins)
+        status = loop_is_simple(ctx, &ws->sweep, loop->parted, loop->n, &input->is_simple);
+    if (status == STATUS_OK && input->is_simple)
+        input->points = loop->parted;
+    return status;
+}
+
+static bool all_have_area(const struct loop *loop, const uint32_t *triangles)
+{
+    for (size_t i = 0; i < 3 * ((size_t)loop->n - 2); i += 3)
+        if (orientation(loop->points[triangles[i]], loop->points[triangles[i + 1]],
+                        loop->points[triangles[i + 2]]) <= 0)
+            return false;
+    return true;
+}
+
+/* The rest that the ears left, or, if the loop is small, all of it anew: what was cut may have been
+ * the wrong thing to cut. *found is false if there is no triangulation of it. */
+static enum status weigh_rest(struct context *ctx, struct triangulation_workspace *ws,
+                              const struct loop *loop, const struct ear_result *result,
+                              uint32_t *triangles, bool *found)
+{
+    uint32_t ring[TABLE_SIDE], count = loop->n, done = 0;
+    for (uint32_t i = 0; i < count && count <= TABLE_SIDE; i++)
+        ring[i] = i;
+    if (count > TABLE_SIDE) {
+        count = result->rest_count;
+        done = result->cut;
+        memcpy(ring, result->rest, count * sizeof *ring);
+    }
+    return weigh_all(ctx, &ws->table, loop, ring, count, triangles + 3 * (size_t)done, found);
+}
+
 static enum status clip(struct context *ctx, struct triangulation_workspace *ws,
                         const struct loop *loop, uint32_t *triangles,
                         enum triangulation_quality *quality)
 {
-    struct ear_input input = {.points = loop->points,
-                              .heights = loop->heights,
+    struct ear_input input = {.heights = loop->heights,
                               .n = loop->n,
                               .diagonal_allowed = loop->diagonal_allowed,
                               .user = loop->user,
                               .give_back_max = TRIANGULATION_EXHAUSTIVE_MAX};
-    enum status status = loop_is_simple(ctx, &ws->sweep, loop->points, loop->n, &input.is_simple);
-    if (status != STATUS_OK)
-        return status;
+    bool is_simple;
+    enum status status = choose_points(ctx, ws, loop, &input, &is_simple);
     struct ear_result result;
-    status = cut_ears(ctx, &ws->clipping, &input, triangles, &result);
+    if (status == STATUS_OK)
+        status = cut_ears(ctx, &ws->clipping, &input, triangles, &result);
     if (status != STATUS_OK)
         return status;
 
-    if (result.rest_count > 0) {
-        uint32_t ring[TRIANGULATION_EXHAUSTIVE_MAX], bad, count = result.rest_count;
-        memcpy(ring, result.rest, count * sizeof *ring);
-        if (loop->n <= TRIANGULATION_EXHAUSTIVE_MAX) {
-            /* What was cut may have been the wrong thing to cut: begin anew. */
-            count = loop->n;
-            result = (struct ear_result){0};
-            for (uint32_t i = 0; i < count; i++)
-                ring[i] = i;
-        }
-        status =
-            weigh_all(ctx, &ws->table, loop, ring, count, triangles + 3 * (size_t)result.cut, &bad);
-        if (status != STATUS_OK)
-            return status;
-        result.is_stuck = bad >= DEAR;
-        result.has_bad |= bad > 0;
+    bool found = !result.is_stuck;
+    bool is_good = found && result.rest_count == 0 && all_have_area(loop, triangles);
+    if (result.rest_count > 0 || (found && !is_good && loop->n <= TRIANGULATION_EXHAUSTIVE_MAX)) {
+        status = weigh_rest(ctx, ws, loop, &result, triangles, &found);
+        is_good = status == STATUS_OK && found && all_have_area(loop, triangles);
     }
-    *quality = result.is_stuck    ? TRIANGULATION_BLOCKED
-               : result.has_bad   ? TRIANGULATION_FORCED
-               : !input.is_simple ? TRIANGULATION_OVERLAPPING
-                                  : TRIANGULATION_PLANAR;
-    return STATUS_OK;
+    *quality = !found      ? TRIANGULATION_BLOCKED
+               : !is_good  ? TRIANGULATION_FORCED
+               : is_simple ? TRIANGULATION_PLANAR
+                           : TRIANGULATION_OVERLAPPING;
+    return status;
 }
 
 static void keep_triangle(const double *points, const double *normal, uint32_t *triangles,
@@ -351,15 +386,16 @@ static void keep_triangle(const double *points, const double *normal, uint32_t *
     *quality = is_good ? TRIANGULATION_PLANAR : TRIANGULATION_FORCED;
 }
 
-/* Room for the projection of a loop in the workspace: points and heights behind each other. */
+/* Room for the projection of a loop in the workspace. */
 static enum status place_loop(struct context *ctx, struct scratch *scratch, struct loop *loop)
 {
     enum status status =
-        scratch_reserve(ctx, scratch, loop->n * (sizeof(double) + sizeof(struct grid_point)));
+        scratch_reserve(ctx, scratch, loop->n * (sizeof(double) + 2 * sizeof(struct grid_point)));
     if (status != STATUS_OK)
         return status;
     loop->heights = (double *)(void *)scratch->block;
     loop->points = (struct grid_point *)(void *)(scratch->block + loop->n * sizeof(double));
+    loop->parted = loop->points + loop->n;
     return STATUS_OK;
 }
 

@@ -12,26 +12,27 @@
 
 #include "geom/simple_loop.h"
 
-enum triangulation_quality { /* ascending badness */
-                             /* The projected loop is simple and the triangles tile its inside: all
-                              * have positive area on the grid and none overlap. */
-                             TRIANGULATION_PLANAR,
-                             /* The projected loop touches or crosses itself (a ramp, a polygon with
-                              * its holes bridged), but every triangle has positive area on the
-                              * grid: none is turned over. */
-                             TRIANGULATION_OVERLAPPING,
-                             /* Some triangle has no area on the grid or is turned over: the loop
-                              * lies in a line, crosses itself badly, or runs clockwise seen from
-                              * the tip of `normal`. */
-                             TRIANGULATION_FORCED,
-                             /* No triangulation was found without a forbidden diagonal; `triangles`
-                              * is undefined. For loops of up to TRIANGULATION_EXHAUSTIVE_MAX
-                              * corners there is none. */
-                             TRIANGULATION_BLOCKED
+/*
+ * From good to bad:
+ * PLANAR: the projected loop is simple and the triangles tile its inside: all have positive area on
+ * the grid and none overlap.
+ * OVERLAPPING: the projected loop touches or crosses itself (a ramp, a polygon with its holes
+ * bridged), but every triangle has positive area on the grid: none is turned over.
+ * FORCED: some triangle has no area on the grid or is turned over: the loop lies in a line, crosses
+ * itself badly, or runs clockwise seen from the tip of `normal`.
+ * BLOCKED: no triangulation was found without a forbidden diagonal; `triangles` is undefined. For
+ * loops of up to TRIANGULATION_EXHAUSTIVE_MAX corners there is none.
+ */
+enum triangulation_quality {
+    TRIANGULATION_PLANAR,
+    TRIANGULATION_OVERLAPPING,
+    TRIANGULATION_FORCED,
+    TRIANGULATION_BLOCKED
 };
 
 /* Up to so many corners, a loop for which cutting ears does not give PLANAR is solved by dynamic
- * programming: fewest bad triangles, then least area in space (Barequet & Sharir 1995). */
+ * programming: fewest triangles turned over, then fewest without area, then least area in space
+ * (Barequet & Sharir 1995). */
 enum { TRIANGULATION_EXHAUSTIVE_MAX = 40 };
 
 /* Scratch that is reused from call to call; all zero at first. One thread uses it at a time. */

@@ -53,8 +53,9 @@ enum status batch_finish(struct import_batch *batch)
     if (status == STATUS_OK)
         status = batch_deliver_faces(batch);
     if (status == STATUS_OK && batch->short_faces)
-        tell(batch->ctx, MESSAGE_WARNING, "%s: %llu faces of fewer than 3 corners left out",
-             batch->name, (unsigned long long)batch->short_faces);
+        tell(batch->ctx, MESSAGE_WARNING, "%s: %llu face%s of fewer than 3 corners left out",
+             batch->name, (unsigned long long)batch->short_faces,
+             batch->short_faces == 1 ? "" : "s");
     return status;
 }
 

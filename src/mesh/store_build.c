@@ -99,7 +99,7 @@ static enum status read_inputs(struct build *build, const char *const *inputs, s
 
 static enum status has_no_faces(struct build *build, const char *why)
 {
-    return fail(build->ctx, STATUS_BAD_INPUT, "%s has no faces%s", build->ingest.inputs[0].name,
+    return fail(build->ctx, STATUS_BAD_INPUT, "%s: has no faces%s", build->ingest.inputs[0].name,
                 why);
 }
 

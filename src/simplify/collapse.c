@@ -24,6 +24,8 @@ static const double BORDER_WEIGHT = 1;
 static const double SWEEP_PART_3 = 0.02;
 static const double SWEEP_PART_2 = 0.1;
 static const double SWEEP_PART_1 = 0.4;
+/* A new vertex may be this part of the typical error away from the faces it replaces. */
+static const double OVERSHOOT = 0.4;
 
 /* ---- beginning and end ---- */
 
@@ -339,24 +341,48 @@ static void refresh(struct collapse *c, uint32_t kept, float threshold)
     }
 }
 
-/* Tries edge i of v; false when a guard forbids it. */
-static bool try_edge(struct collapse *c, uint32_t v, const struct vertex_edges *edges, uint32_t i,
+/*
+ * What a cost is multiplied by because the new vertex would stick out. Volumes say little about
+ * thin tips, so that a memoryless cost lets single vertices go far astray: where one would be
+ * further from the surface than OVERSHOOT of the present typical error, its edge waits for the
+ * typical error to grow. The largest distance falls by a quarter to a half for 1 to 2 % of the mean
+ * (koala, elephant and bunny at 1 and 2 %).
+ */
+static double overshoot_price(const struct collapse *c, double overshoot)
+{
+    const double usual = OVERSHOOT * c->typical_error;
+    if (!(usual > 0) || overshoot <= usual)
+        return 1;
+    return overshoot / usual * (overshoot / usual);
+}
+
+/* Tries edge i of v; false when a guard forbids it (its cost is as it was) or when it turned out
+ * dearer than the threshold (its cost says so now). */
+static bool try_edge(struct collapse *c, uint32_t v, struct vertex_edges *edges, uint32_t i,
                      float threshold)
 {
     const uint32_t w = edges->ring.vertices[i];
     struct ring other;
-    double to[3], edge[3], deviation;
+    struct edge_outcome outcome;
+    double to[3], edge[3];
     ring_gather(c, w, &other);
     if (!topology_allows(c, v, &edges->ring, i, &other) ||
-        !edge_shape_allows(c, v, edges, i, &other, &deviation))
+        !edge_shape_allows(c, v, edges, i, &other, &outcome))
         return false;
     const float before =
         c->vertices[v].error > c->vertices[w].error ? c->vertices[v].error : c->vertices[w].error;
-    const double error = (double)before + deviation;
+    const double error = (double)before + outcome.deviation;
     if (error > c->error_bound) {
         c->held_back = true;
         return false;
     }
+    const double dearer = overshoot_price(c, outcome.overshoot);
+    if (dearer > 1 && (double)edges->costs[i] * dearer > (double)threshold) {
+        edges->costs[i] *= (float)dearer;
+        return false;
+    }
+    c->error_sum += error;
+    c->error_count++;
     for (int k = 0; k < 3; k++) {
         to[k] = (double)edges->places[k][i];
         edge[k] = (double)edges->at[k][i];
@@ -384,7 +410,8 @@ static void work_on(struct collapse *c, uint32_t v, float threshold)
         c->keys[v] = cost;
         if (!(cost <= threshold) || !(cost < INFINITY) || try_edge(c, v, &edges, best, threshold))
             return;
-        edges.costs[best] = INFINITY;
+        if (!(edges.costs[best] > cost))
+            edges.costs[best] = INFINITY;
     }
 }
 
@@ -443,6 +470,10 @@ enum status collapse_run(struct collapse *c, uint64_t most_faces, double most_er
             fill_keys(c);
             continue;
         }
+        if (c->error_count > 0)
+            c->typical_error = c->error_sum / (double)c->error_count;
+        c->error_sum = 0;
+        c->error_count = 0;
         for (uint32_t v = 0; v < c->vertex_slots && c->live_faces > most_faces; v++)
             if (c->keys[v] <= threshold)
                 work_on(c, v, threshold);

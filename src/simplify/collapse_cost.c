@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "collapse_internal.h"
+#include "geom/distance.h"
 
 /* A face may turn by less than the angle with this cosine (about 78 degrees). */
 static const double FLIP_COSINE = 0.2;
@@ -250,6 +251,7 @@ void vertex_evaluate(const struct collapse *c, uint32_t v, struct vertex_edges *
 struct plane_sum {
     double distance; /* sum of (n . step)^2 */
     double weight;   /* sum of n . n */
+    double nearest;  /* squared distance of the new vertex from the nearest of the faces */
 };
 
 static void plane_sum_add(struct plane_sum *sum, const double n[3], const double step[3])
@@ -257,6 +259,15 @@ static void plane_sum_add(struct plane_sum *sum, const double n[3], const double
     const double h = dot_product(n, step);
     sum->distance += h * h;
     sum->weight += dot_product(n, n);
+}
+
+/* Notes how near the new vertex at `to` is to the face a, b, c. */
+static void nearest_add(struct plane_sum *sum, const double to[3], const double a[3],
+                        const double b[3], const double c[3])
+{
+    const struct triangle face = {vec3_load(a), vec3_load(b), vec3_load(c)};
+    const double square = triangle_distance_squared(vec3_load(to), &face, NULL);
+    sum->nearest = square < sum->nearest ? square : sum->nearest;
 }
 
 /* Whether one face that survives stays sound: its moving corner was at `from` and goes to `to`, the
@@ -281,6 +292,7 @@ static bool face_allows(enum guard guard, const double from[3], const double to[
     const double sizes = dot_product(a, a) + dot_product(b, b) + base;
     const double old_sizes = dot_product(c, c) + dot_product(d, d) + base;
     plane_sum_add(sum, old, moved);
+    nearest_add(sum, to, from, r, s);
     if (guard == GUARD_NONE)
         return true;
     if (guard == GUARD_FULL && new_square < SLIVER_SHAPE * SLIVER_SHAPE * sizes * sizes &&
@@ -310,6 +322,7 @@ static bool own_faces_allow(enum guard guard, const struct vertex_edges *e, uint
             double n[3];
             cross_product(r, s, n);
             plane_sum_add(sum, n, to);
+            nearest_add(sum, to, zero, r, s);
         } else if (!face_allows(guard, zero, to, r, s, normal, sum)) {
             return false;
         }
@@ -338,11 +351,11 @@ static bool other_faces_allow(const struct collapse *c, uint32_t v, const double
 }
 
 bool edge_shape_allows(const struct collapse *c, uint32_t v, const struct vertex_edges *e,
-                       uint32_t i, const struct ring *other, double *deviation)
+                       uint32_t i, const struct ring *other, struct edge_outcome *outcome)
 {
     const uint32_t w = e->ring.vertices[i];
     double normal[3], edge[3], to[3];
-    struct plane_sum sum = {0, 0};
+    struct plane_sum sum = {0, 0, INFINITY};
     for (int k = 0; k < 3; k++) {
         normal[k] = (double)c->vertices[v].fan.normal[k] + (double)c->vertices[w].fan.normal[k];
         edge[k] = (double)e->at[k][i];
@@ -358,6 +371,7 @@ bool edge_shape_allows(const struct collapse *c, uint32_t v, const struct vertex
         const double aside = border_sum_distance(&border, to);
         square = aside > square ? aside : square;
     }
-    *deviation = sqrt(square);
+    outcome->deviation = sqrt(square);
+    outcome->overshoot = sum.nearest < INFINITY ? sqrt(sum.nearest) : 0;
     return true;
 }

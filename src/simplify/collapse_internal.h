@@ -21,7 +21,7 @@
 
 /* A vertex with more neighbours is left alone until they are fewer, so that a hub of a hundred
  * thousand faces does not make the work quadratic. */
-enum { RING_MAX = 96, RING_LANES = RING_MAX + EDGE_LANES };
+enum { RING_MAX = 96, RING_LANES = RING_MAX + 2 * EDGE_LANES };
 
 enum vertex_flag { VERTEX_LOCKED = 1, VERTEX_BORDER = 2, VERTEX_HUB = 4 };
 
@@ -55,7 +55,10 @@ struct collapse {
     bool is_float32;
     bool held_back; /* edges wait for a larger error bound */
     double largest_error;
-    double error_bound; /* of the present run */
+    double error_bound;   /* of the present run */
+    double typical_error; /* mean error of the last sweep's collapses; 0 before */
+    double error_sum;     /* of the present sweep's */
+    uint64_t error_count;
 
     struct collapse_corner *corners;
     struct collapse_vertex *vertices;
@@ -114,13 +117,21 @@ struct vertex_edges {
 void fan_compute(struct collapse *collapse, uint32_t v);
 /* Gathers v's ring and the cost and place of each of its edges. */
 void vertex_evaluate(const struct collapse *collapse, uint32_t v, struct vertex_edges *edges);
-/* Flip and sliver guards for collapsing edge i; tells the RMS distance of the new vertex from the
- * planes of the faces (and the lines of the border) that were there. The error that a collapse
- * leaves is taken to be the larger one of both ends plus this: measured on bunny, koala, fandisk
- * and a noisy scan, 0.9 to 2 times the true maximum. (The largest distance instead of the RMS:
- * 2 to 9 times.) */
+/* What collapsing an edge does to the surface. */
+struct edge_outcome {
+    /* RMS distance of the new vertex from the planes of the faces (and the lines of the border)
+     * that were there. The error that a collapse leaves is taken to be the larger one of both ends
+     * plus this: measured on bunny, koala, fandisk and a noisy scan, 0.9 to 2 times the true
+     * maximum. (The largest distance instead of the RMS: 2 to 9 times.) */
+    double deviation;
+    /* Distance of the new vertex from the faces that were there: at a sharp ridge or tip it can
+     * be far from them and yet near to their planes. */
+    double overshoot;
+};
+
+/* Flip and sliver guards for collapsing edge i; *outcome is filled when they allow it. */
 bool edge_shape_allows(const struct collapse *collapse, uint32_t v,
                        const struct vertex_edges *edges, uint32_t i, const struct ring *ring_other,
-                       double *deviation);
+                       struct edge_outcome *outcome);
 
 #endif

@@ -29,8 +29,12 @@
 
 enum { EXCERPTS = 4, EXCERPT_FACES = 1 << 13 };
 
-/* Patches for each face of the finest level, by effort; mode classic needs them to begin with. */
+/* Patches for each face of the finest level, by effort; mode classic needs them to begin with.
+ * Smooth scans need more of them: where noise breaks patches up, the small ones do no harm, and the
+ * large ones are few. */
 static const double patches_a_face[4] = {0, 2.5, 8, 22};
+static const double patches_a_smooth_face[4] = {0, 4, 14, 40};
+static const double smooth_below = 0.045; /* noise, mean edges */
 static const double classic_patches_a_face = 0.6;
 /* The part of an error bound that a mean patch's bulge may take, by effort. */
 static const double bulge_part[4] = {0, 0.03, 0.025, 0.02};
@@ -263,8 +267,9 @@ static struct fineness find_finest(const struct store_info *info, const struct t
 static bool are_fine_enough(const struct store_info *info, const struct target *target,
                             const struct fineness *finest, double angle, double patches)
 {
+    const double *by_effort = info->noise < smooth_below ? patches_a_smooth_face : patches_a_face;
     const double wanted =
-        target->mode == MODE_CLASSIC ? classic_patches_a_face : patches_a_face[target->effort];
+        target->mode == MODE_CLASSIC ? classic_patches_a_face : by_effort[target->effort];
     if (finest->faces > 0 && patches < wanted * finest->faces)
         return false;
     if (finest->error <= 0 || patches <= 0)

@@ -1,7 +1,7 @@
 /*
- * The driver of topology simplification: chains of the store, features on the chains, surgery on the
- * store, and the result to a file. What can't be filled without making the mesh non-manifold
- * is given back, and the cut made again without it.
+ * The driver of topology simplification: chains of the store, features on the chains, surgery on
+ * the store, and the result to a file. What can't be filled without making the mesh non-manifold is
+ * given back, and the cut made again without it.
  */
 #include "simplify/topology.h"
 
@@ -16,6 +16,9 @@
 
 /* Patches that no sharp edge runs through, but large enough to keep the graph small. */
 static const double patch_angle = 15;
+
+/* Of the diagonal: the noise that must not hide a feature. */
+static const double noise_share = 1e-3;
 
 enum blocking { BLOCKED_NOT = 0, BLOCKED_NOW = 1, BLOCKED_BEFORE = 2 };
 
@@ -39,9 +42,8 @@ struct run {
 
 void topology_defaults(struct topology_options *options)
 {
-    *options = (struct topology_options){.sharp_angle = {45, 180},
-                                         .zip_tolerance = {.value = -1},
-                                         .coplanar_angle = 0.5};
+    *options = (struct topology_options){
+        .sharp_angle = {45, 180}, .zip_tolerance = {.value = -1}, .coplanar_angle = 0.5};
 }
 
 void topology_report_clear(struct context *ctx, struct topology_report *report)
@@ -90,7 +92,8 @@ static enum status open_chains(struct run *run, const char *store_path, const ch
     if (status == STATUS_OK)
         status = chain_graph_open(run->ctx, run->chains, run->output, &run->graph);
     if (status == STATUS_OK)
-        status = memory_take(run->ctx, run->graph.patch_count, sizeof *run->of_patch, &run->of_patch);
+        status =
+            memory_take(run->ctx, run->graph.patch_count, sizeof *run->of_patch, &run->of_patch);
     if (status == STATUS_OK)
         memset(run->of_patch, 0xff, run->graph.patch_count * sizeof *run->of_patch);
     return status;
@@ -100,16 +103,18 @@ static enum status find_features(struct run *run)
 {
     const struct topology_options *options = run->options;
     struct rim_options rims = {.size = length_of(run, options->max_feature),
+                               .noise = noise_share * diagonal_of(run->info),
                                .measure = options->measure};
     enum status status = STATUS_OK;
     cosines_of(run, options->sharp_angle, rims.sharp_cosine);
     if (options->sharp_angle[1] >= 180)
         rims.sharp_cosine[1] = -2;
     if (options->drop_components.value > 0)
-        status = specks_find(&run->graph, length_of(run, options->drop_components),
-                                 run->of_patch, &run->list);
+        status = specks_find(&run->graph, length_of(run, options->drop_components), run->of_patch,
+                             &run->list);
     if (status == STATUS_OK && rims.size > 0)
-        status = features_find(&run->graph, &rims, !options->remove_pipes, run->of_patch, &run->list);
+        status =
+            features_find(&run->graph, &rims, !options->remove_pipes, run->of_patch, &run->list);
     return status;
 }
 
@@ -276,9 +281,8 @@ static enum status fill_report(struct run *run)
             report->blocked++;
             continue;
         }
-        enum status status =
-            memory_reserve(run->ctx, &report->features, &report->feature_capacity,
-                           report->feature_count + 1, sizeof *report->features);
+        enum status status = memory_reserve(run->ctx, &report->features, &report->feature_capacity,
+                                            report->feature_count + 1, sizeof *report->features);
         if (status != STATUS_OK)
             return status;
         struct feature *feature = &report->features[report->feature_count++];
@@ -327,6 +331,9 @@ enum status topology_run(struct context *ctx, const char *store_path, const char
         status = surgery_begin(&run.surgery);
     if (status == STATUS_OK)
         status = operate(&run);
+    if (status == STATUS_OK &&
+        run.info->topology.faces + run.surgery.fill_count == run.surgery.dropped_count)
+        status = fail(ctx, STATUS_BAD_INPUT, "all components are small: nothing would be left");
     if (status == STATUS_OK)
         status = options->merge_coplanar ? write_merged(&run) : write_file(&run);
     if (status == STATUS_OK)

@@ -39,7 +39,7 @@ struct feature {
 
 /* A size as the user gives it. */
 struct length_option {
-    double value; /* 0: not asked for; negative: choose */
+    double value;     /* 0: not asked for; negative: choose */
     bool is_relative; /* a fraction of the bounding box's diagonal */
 };
 
@@ -75,10 +75,10 @@ struct topology_report {
 void topology_report_clear(struct context *ctx, struct topology_report *report);
 
 /*
- * Reads the store `store_path`, makes its chains in the file `chain_path` (scratch: the caller removes
- * it), and writes the mesh `output`. `report` is all zero before. The output is a manifold whatever
- * the input's features are; faces that are not part of a removed feature and, without merge_coplanar,
- * all vertices left are the store's, bit for bit.
+ * Reads the store `store_path`, makes its chains in the file `chain_path` (scratch: the caller
+ * removes it), and writes the mesh `output`. `report` is all zero before. The output is a manifold
+ * whatever the input's features are; faces that are not part of a removed feature and, without
+ * merge_coplanar, all vertices left are the store's, bit for bit.
  */
 enum status topology_run(struct context *ctx, const char *store_path, const char *chain_path,
                          const char *output, const struct topology_options *options,

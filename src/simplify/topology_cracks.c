@@ -89,9 +89,9 @@ static double inside_distance(const struct flat_point *outline, uint32_t n, stru
 static enum status push_cell(struct search *search, const struct flat_point *outline, double x,
                              double y, double half)
 {
-    enum status status = memory_reserve(search->surgery->ctx, &search->cells,
-                                        &search->cell_capacity, search->cell_count + 1,
-                                        sizeof *search->cells);
+    enum status status =
+        memory_reserve(search->surgery->ctx, &search->cells, &search->cell_capacity,
+                       search->cell_count + 1, sizeof *search->cells);
     if (status != STATUS_OK)
         return status;
     double distance = inside_distance(outline, search->count, (struct flat_point){x, y});
@@ -204,8 +204,8 @@ static enum status judge_loop(struct search *search)
     double size = 0;
     enum status status = search->options->inscribed
                              ? inscribed_circle(search, &size)
-                             : points_diameter(ctx, &search->scratch, search->points,
-                                               search->count, INFINITY, &size);
+                             : points_diameter(ctx, &search->scratch, search->points, search->count,
+                                               INFINITY, &size);
     if (status != STATUS_OK || size >= search->options->size)
         return status;
     struct feature feature = {.kind = FEATURE_CRACK, .loops = 1, .size = size};

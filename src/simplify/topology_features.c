@@ -1,12 +1,12 @@
 /*
  * From rims to features.
  *
- * The dissertation looks for the partner of each loop through the wall patches, loop by loop. Cutting
- * the surface along all rims at once says the same of any number of loops: the connected pieces
- * that are left are what lies between rims. A piece that has all its rims on its wall side is a
- * feature (one rim: a bump or cavity, two or more: a hole); one that has the flat side of a rim
- * carries other features and goes only when all those are gone, so that a pocket in the top of a
- * bump goes with the bump, and a small bore in a large one goes without it.
+ * The dissertation looks for the partner of each loop through the wall patches, loop by loop.
+ * Cutting the surface along all rims at once says the same of any number of loops: the connected
+ * pieces that are left are what lies between rims. A piece that has all its rims on its wall side
+ * is a feature (one rim: a bump or cavity, two or more: a hole); one that has the flat side of a
+ * rim carries other features and goes only when all those are gone, so that a pocket in the top of
+ * a bump goes with the bump, and a small bore in a large one goes without it.
  *
  * A piece that has one end small only, or is no wall at all, is not cut off and stays: the surface
  * is never opened.
@@ -155,8 +155,16 @@ static enum status take_pieces(struct finder *finder)
     return STATUS_OK;
 }
 
-/* Lists each piece's cut edges and patches. An edge that is cut but has the same piece on both sides
- * counts on both: the piece has the flat side of a rim and stays. */
+/* True when the edge of h is cut, with another piece on each side. */
+static bool parts_pieces(const struct finder *finder, uint32_t h)
+{
+    uint32_t a = patch_of(finder, h), b = patch_of(finder, h ^ 1);
+    return a != NO_PATCH && rim_flat_side(&finder->rims, h / 2) != NO_INDEX &&
+           (b == NO_PATCH || finder->piece_of[a] != finder->piece_of[b]);
+}
+
+/* Lists each piece's cut edges and patches. A rim that parts nothing, as at a hole whose other end
+ * is large, is none. */
 static enum status list_pieces(struct finder *finder)
 {
     struct chain_graph *graph = finder->graph;
@@ -164,7 +172,7 @@ static enum status list_pieces(struct finder *finder)
     struct piece *pieces = finder->pieces;
     for (uint32_t h = 0; h < 2 * graph->edge_count; h++) {
         uint32_t flat = rim_flat_side(&finder->rims, h / 2);
-        if (flat == NO_INDEX || patch_of(finder, h) == NO_PATCH)
+        if (!parts_pieces(finder, h))
             continue;
         struct piece *piece = &pieces[finder->piece_of[patch_of(finder, h)]];
         piece->edge_count++;
@@ -174,7 +182,8 @@ static enum status list_pieces(struct finder *finder)
     }
     for (uint32_t p = 0; p < graph->patch_count; p++)
         pieces[finder->piece_of[p]].patch_count++;
-    enum status status = memory_take(ctx, finder->edge_total, sizeof *finder->edges, &finder->edges);
+    enum status status =
+        memory_take(ctx, finder->edge_total, sizeof *finder->edges, &finder->edges);
     if (status == STATUS_OK)
         status = memory_take(ctx, graph->patch_count, sizeof *finder->patches, &finder->patches);
     if (status != STATUS_OK)
@@ -186,7 +195,7 @@ static enum status list_pieces(struct finder *finder)
     for (uint32_t i = 0; i < finder->piece_count; i++)
         pieces[i].edge_count = pieces[i].patch_count = 0;
     for (uint32_t h = 0; h < 2 * graph->edge_count; h++) {
-        if (rim_flat_side(&finder->rims, h / 2) == NO_INDEX || patch_of(finder, h) == NO_PATCH)
+        if (!parts_pieces(finder, h))
             continue;
         struct piece *piece = &pieces[finder->piece_of[patch_of(finder, h)]];
         finder->edges[piece->first_edge + piece->edge_count++] = h;
@@ -217,7 +226,7 @@ static enum status list_large(struct finder *finder)
 /* What its loops tell of a piece. */
 struct outline {
     uint32_t loops, concave_loops;
-    double size; /* of the largest loop */
+    double size;                /* of the largest loop */
     struct vec3 centre, normal; /* of the largest loop, the normal away from the wall's flat side */
 };
 
@@ -322,13 +331,12 @@ static enum status extent_of(struct finder *finder, const struct piece *piece, d
     struct context *ctx = graph->ctx;
     size_t count = 0;
     for (uint32_t i = 0; i < piece->patch_count; i++) {
-        const struct graph_patch *record =
-            &graph->patches[finder->patches[piece->first_patch + i]];
+        const struct graph_patch *record = &graph->patches[finder->patches[piece->first_patch + i]];
         uint32_t h = record->half_edge;
         do {
             enum status status =
-                memory_reserve(ctx, &finder->extent_points, &finder->extent_capacity, 3 * (count + 1),
-                               sizeof *finder->extent_points);
+                memory_reserve(ctx, &finder->extent_points, &finder->extent_capacity,
+                               3 * (count + 1), sizeof *finder->extent_points);
             if (status != STATUS_OK)
                 return status;
             vec3_store(finder->extent_points + 3 * count++,
@@ -345,7 +353,9 @@ static enum status extent_of(struct finder *finder, const struct piece *piece, d
 static bool is_small_end(const struct finder *finder, uint32_t index, uint32_t stem)
 {
     const struct piece *piece = &finder->pieces[index];
-    if (vec3_distance(piece->low, piece->high) >= finder->options->size)
+    struct vec3 sides = vec3_sub(piece->high, piece->low);
+    double size = finder->options->size;
+    if (sides.x >= size || sides.y >= size || sides.z >= size || piece->large != NO_INDEX)
         return false;
     for (uint32_t i = 0; i < piece->edge_count; i++) {
         uint32_t other = patch_of(finder, finder->edges[piece->first_edge + i] ^ 1);
@@ -367,10 +377,9 @@ static uint32_t swallow_small_ends(struct finder *finder, uint32_t index)
         uint32_t other = finder->piece_of[patch];
         if (!is_small_end(finder, other, index))
             all_small = false;
-        else if (largest == NO_INDEX || vec3_distance(finder->pieces[other].low,
-                                                      finder->pieces[other].high) >
-                                            vec3_distance(finder->pieces[largest].low,
-                                                          finder->pieces[largest].high))
+        else if (largest == NO_INDEX ||
+                 vec3_distance(finder->pieces[other].low, finder->pieces[other].high) >
+                     vec3_distance(finder->pieces[largest].low, finder->pieces[largest].high))
             largest = other;
     }
     for (uint32_t i = 0; i < piece->edge_count; i++) {
@@ -416,7 +425,8 @@ static enum status judge_piece(struct finder *finder, uint32_t index)
         status = judge_outline(finder, index, &goes);
         for (uint32_t i = 0; i < piece->edge_count && !goes; i++) {
             uint32_t patch = patch_of(finder, finder->edges[piece->first_edge + i] ^ 1);
-            struct piece *other = patch == NO_PATCH ? NULL : &finder->pieces[finder->piece_of[patch]];
+            struct piece *other =
+                patch == NO_PATCH ? NULL : &finder->pieces[finder->piece_of[patch]];
             if (other && other->state == PIECE_GOES && other->flat_edges > 0) {
                 other->state = PIECE_STAYS;
                 set_gone(finder, other, 0);
@@ -583,15 +593,15 @@ enum status features_find(struct chain_graph *graph, const struct rim_options *o
 /* ---- components ---- */
 
 enum status specks_find(struct chain_graph *graph, double size, uint32_t *of_patch,
-                            struct feature_list *list)
+                        struct feature_list *list)
 {
     struct context *ctx = graph->ctx;
     struct finder finder = {.graph = graph};
     uint32_t *numbers = NULL;
     /* Without any rim the pieces are the components. */
     finder.rims.half_edge_count = 2 * (size_t)graph->edge_count;
-    enum status status = memory_take_zeroed(ctx, finder.rims.half_edge_count, 1,
-                                            &finder.rims.strength);
+    enum status status =
+        memory_take_zeroed(ctx, finder.rims.half_edge_count, 1, &finder.rims.strength);
     if (status == STATUS_OK)
         status = memory_take(ctx, graph->patch_count, sizeof *finder.piece_of, &finder.piece_of);
     if (status == STATUS_OK)

@@ -26,6 +26,6 @@ enum status features_find(struct chain_graph *graph, const struct rim_options *o
 
 /* Adds the components whose box has a diagonal below `size`. */
 enum status specks_find(struct chain_graph *graph, double size, uint32_t *of_patch,
-                            struct feature_list *list) MUST_CHECK;
+                        struct feature_list *list) MUST_CHECK;
 
 #endif

@@ -194,7 +194,8 @@ static double sampled_size(const struct loop_points *points, struct vec3 normal)
     size_t n = points->count;
     if (loop_is_convex(points, normal))
         return vec3_distance(vec3_load(p), vec3_load(p + 3 * (n / 2)));
-    return circle_diameter(vec3_load(p), vec3_load(p + 3 * (n / 3)), vec3_load(p + 3 * (2 * n / 3)));
+    return circle_diameter(vec3_load(p), vec3_load(p + 3 * (n / 3)),
+                           vec3_load(p + 3 * (2 * n / 3)));
 }
 
 enum status loop_size(struct context *ctx, struct loop_points *points, enum loop_measure measure,

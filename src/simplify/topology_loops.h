@@ -11,7 +11,8 @@
 /* A set of patches is given by a class number a patch; what lies beside the border has NO_CLASS. */
 #define NO_CLASS UINT32_MAX
 
-static inline uint32_t class_of(const struct chain_graph *graph, const uint32_t *classes, uint32_t h)
+static inline uint32_t class_of(const struct chain_graph *graph, const uint32_t *classes,
+                                uint32_t h)
 {
     uint32_t patch = graph->half_edges[h].patch;
     return patch == NO_PATCH ? NO_CLASS : classes[patch];
@@ -33,8 +34,8 @@ static inline uint32_t loop_next(const struct chain_graph *graph, const uint32_t
 }
 
 struct surface_loop {
-    uint32_t first; /* half-edge with the class on its left */
-    uint32_t count; /* of edges */
+    uint32_t first;     /* half-edge with the class on its left */
+    uint32_t count;     /* of edges */
     struct vec3 normal; /* unit: the loop runs counter-clockwise about it */
     struct vec3 centre; /* mean of the vertices, relative to the store's origin */
     double length;

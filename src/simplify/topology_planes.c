@@ -4,9 +4,9 @@
  * Faces are joined into planes from the largest face on, so that a plane's normal is that of a face
  * that has one. The outlines of the planes are chains between corners; of a chain only those
  * vertices stay that it bends at. What is left of each outline, one outer loop and the holes, is
- * bridged into one polygon and triangulated. All of this is done first and judged last: a plane whose
- * polygon can't be triangulated without repeating an edge is marked to stay as it is, its outline is
- * put back, and everything is done again, until all are content.
+ * bridged into one polygon and triangulated. All of this is done first and judged last: a plane
+ * whose polygon can't be triangulated without repeating an edge is marked to stay as it is, its
+ * outline is put back, and everything is done again, until all are content.
  */
 #include "simplify/topology_planes.h"
 
@@ -42,7 +42,7 @@ struct merger {
     uint32_t *plane_of; /* a face */
     struct plane *planes;
     size_t plane_count, plane_capacity;
-    uint32_t *queue; /* faces */
+    uint32_t *queue;  /* faces */
     uint8_t *degrees; /* a vertex: outline edges that meet there, up to 3 */
     uint8_t *kept;    /* a vertex: it stays on outlines */
     uint8_t *visited; /* a half-edge */
@@ -112,8 +112,8 @@ static enum status find_twins(struct merger *merger)
                                     (uint32_t)h, 0};
     }
     if (status == STATUS_OK)
-        status = radix_sort(ctx, (unsigned char *)keys, (unsigned char *)other, count,
-                            sizeof *keys, 1, &sorted);
+        status = radix_sort(ctx, (unsigned char *)keys, (unsigned char *)other, count, sizeof *keys,
+                            1, &sorted);
     if (status == STATUS_OK) {
         const struct edge_key *edges = (const struct edge_key *)(const void *)sorted;
         memset(merger->twins, 0xff, count * sizeof *merger->twins);
@@ -277,8 +277,8 @@ static size_t farthest(const struct merger *merger, size_t from, size_t to, doub
     return best;
 }
 
-/* Keeps what the chain bends at, between two kept places. Deepest where chains are curved; there the
- * halves are about equal. */
+/* Keeps what the chain bends at, between two kept places. Deepest where chains are curved; there
+ * the halves are about equal. */
 static void keep_bends(struct merger *merger, size_t from, size_t to)
 {
     while (to - from > 1) {
@@ -629,9 +629,7 @@ static enum status bridge_holes(struct merger *merger, const struct axes *axes, 
                     !pair_set_has(&merger->taken, merger->polygon[bridge], vertex);
         if (!*possible)
             break;
-        status = pair_set_add(merger->ctx, &merger->taken, merger->polygon[bridge], vertex);
-        if (status == STATUS_OK)
-            status = insert_hole(merger, bridge, merger->holes[i].at);
+        status = insert_hole(merger, bridge, merger->holes[i].at);
         if (status != STATUS_OK)
             return status;
     }
@@ -676,16 +674,26 @@ static enum status add_face(struct merger *merger, uint32_t a, uint32_t b, uint3
     return status;
 }
 
-/* Triangulates the plane from its loops; *possible says whether that worked. */
-static enum status triangulate_plane(struct merger *merger, const struct plane *plane,
-                                     bool *possible)
+/* Enters the polygon's edges: those of bridges are new. */
+static enum status take_bridges(struct merger *merger)
 {
-    struct axes axes = axes_of(plane->normal);
+    enum status status = STATUS_OK;
+    size_t n = merger->polygon_count;
+    for (size_t i = 0; i < n && status == STATUS_OK; i++)
+        status = pair_set_add(merger->ctx, &merger->taken, merger->polygon[i],
+                              merger->polygon[i + 1 == n ? 0 : i + 1]);
+    return status;
+}
+
+/* Bridges the plane's holes along `axes` and triangulates; *possible says whether that worked. */
+static enum status try_polygon(struct merger *merger, const struct plane *plane,
+                               const struct axes *axes, bool *possible)
+{
     const double normal[3] = {plane->normal.x, plane->normal.y, plane->normal.z};
     enum triangulation_quality quality;
-    enum status status = sort_outline(merger, plane, &axes, possible);
+    enum status status = sort_outline(merger, plane, axes, possible);
     if (status == STATUS_OK && *possible)
-        status = bridge_holes(merger, &axes, possible);
+        status = bridge_holes(merger, axes, possible);
     if (status != STATUS_OK || !*possible)
         return status;
     size_t n = merger->polygon_count;
@@ -701,9 +709,27 @@ static enum status triangulate_plane(struct merger *merger, const struct plane *
     status = triangulate(merger->ctx, &merger->workspace, merger->points, (uint32_t)n, normal,
                          diagonal_is_free, merger, merger->triangles, &quality);
     *possible = status == STATUS_OK && quality <= TRIANGULATION_OVERLAPPING;
+    return status;
+}
+
+/* Tries the holes' bridges in four directions, for a bridge may leave a corner that no ear fits. */
+static enum status triangulate_plane(struct merger *merger, const struct plane *plane,
+                                     bool *possible)
+{
+    struct axes axes = axes_of(plane->normal);
+    enum status status = STATUS_OK;
+    *possible = false;
+    for (unsigned turn = 0; turn < (plane->loop_count > 1 ? 4 : 1) && !*possible; turn++) {
+        status = try_polygon(merger, plane, &axes, possible);
+        if (status != STATUS_OK)
+            return status;
+        axes = (struct axes){axes.v, vec3_scale(axes.u, -1)};
+    }
     if (*possible)
+        status = take_bridges(merger);
+    if (*possible && status == STATUS_OK)
         status = take_diagonals(merger, possible);
-    for (size_t i = 0; i < n - 2 && *possible && status == STATUS_OK; i++)
+    for (size_t i = 0; *possible && i < merger->polygon_count - 2 && status == STATUS_OK; i++)
         status = add_face(merger, merger->polygon[merger->triangles[3 * i]],
                           merger->polygon[merger->triangles[3 * i + 1]],
                           merger->polygon[merger->triangles[3 * i + 2]]);
@@ -753,8 +779,7 @@ static enum status compact(struct merger *merger)
     struct mesh *mesh = merger->mesh;
     size_t stride = mesh->attributes.stride;
     uint32_t *numbers, next = 0;
-    enum status status =
-        memory_take(merger->ctx, merger->vertex_count, sizeof *numbers, &numbers);
+    enum status status = memory_take(merger->ctx, merger->vertex_count, sizeof *numbers, &numbers);
     if (status != STATUS_OK)
         return status;
     memset(numbers, 0xff, merger->vertex_count * sizeof *numbers);

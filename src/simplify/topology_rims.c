@@ -4,9 +4,9 @@
  * The dissertation follows sharp chains from one to the next until they close, which needs luck
  * where more than two meet. Here the patches are joined over all chains that are not sharp; the
  * borders of the smooth regions that come out are closed loops by themselves, whatever their form.
- * A loop whose region is flat along it (the normals are those of the loop's plane, not orthogonal to
- * it) and lies outside it (the loop runs clockwise about the region's normals) is a rim: the wall
- * of a hole, bump or cavity begins there.
+ * A loop whose region is flat along it (the normals are those of the loop's plane, not orthogonal
+ * to it) and lies outside it (the loop runs clockwise about the region's normals) is a rim: the
+ * wall of a hole, bump or cavity begins there.
  *
  * This is done twice. First with the sharp angle. Then with a small angle, so that planes end
  * where they bend at all: that finds the rims that are chamfered or filleted over several edges,
@@ -22,11 +22,15 @@
 /* cos 10: beyond it a plane ends. */
 static const double plane_cosine = 0.984807753012208;
 
-/* How closely the normals along a rim must follow the loop's: sharp rims may lie on curved walls. */
+/* How closely the normals along a rim must follow the loop's: sharp rims may lie on curved walls.
+ */
 static const double flat_sharp = 0.6, flat_plane = 0.94;
 
 /* By how much the flat side must be flatter than the wall. */
 static const double flat_margin = 0.1;
+
+/* Height of a splinter by its length, at most. */
+static const double thin_share = 0.1;
 
 struct search {
     struct chain_graph *graph;
@@ -60,12 +64,74 @@ static void join(uint32_t *parents, uint32_t a, uint32_t b)
         parents[a] = b;
 }
 
+/*
+ * A splinter is a thin triangle by itself, whose normal noise turns anywhere; triangulations of
+ * planes with many holes have many. It goes with its neighbour over the longest side, and with
+ * others that go with that one. One that is smooth with any neighbour by its own normal is
+ * believed.
+ */
+static uint32_t longest_side(const struct chain_graph *graph, uint32_t h, double *longest)
+{
+    uint32_t best = h;
+    *longest = -1;
+    for (uint32_t k = 0; k < 3; k++, h = graph->half_edges[h].next) {
+        double length = vec3_distance(vertex_point(graph, graph->half_edges[h].origin),
+                                      vertex_point(graph, half_edge_end(graph, h)));
+        if (length > *longest || (length == *longest && h < best)) {
+            *longest = length;
+            best = h;
+        }
+    }
+    return best;
+}
+
+static bool normals_agree(const struct chain_graph *graph, uint32_t a, uint32_t b, double least)
+{
+    return a != NO_PATCH && b != NO_PATCH &&
+           vec3_dot(patch_normal(graph, a), patch_normal(graph, b)) >= least;
+}
+
+/* The side over which a splinter whose own normal must not be believed goes, or NO_INDEX: the patch
+ * on the left of h is none. A normal that agrees with two neighbours', or with the one over the
+ * longest side, is believed. */
+static uint32_t splinter_side(const struct search *search, uint32_t h, double least)
+{
+    const struct chain_graph *graph = search->graph;
+    uint32_t own = graph->half_edges[h].patch, agreeing = 0;
+    const struct graph_patch *patch = &graph->patches[own];
+    double longest;
+    if (patch->size != 3)
+        return NO_INDEX;
+    uint32_t side = longest_side(graph, h, &longest);
+    uint32_t over = graph->half_edges[side ^ 1].patch;
+    double height = longest > 0 ? 2 * (double)patch->area / longest : 0;
+    if (height >= search->options->noise || height >= thin_share * longest ||
+        normals_agree(graph, own, over, least))
+        return NO_INDEX;
+    for (uint32_t k = 0; k < 3; k++, h = graph->half_edges[h].next)
+        agreeing += normals_agree(graph, own, graph->half_edges[h ^ 1].patch, least);
+    return agreeing >= 2 ? NO_INDEX : side;
+}
+
+/* Does a splinter that goes over `side` go over h, too? */
+static bool splinter_goes(const struct search *search, uint32_t side, uint32_t h, double least)
+{
+    const struct half_edge *half_edges = search->graph->half_edges;
+    return side != NO_INDEX &&
+           (h == side || normals_agree(search->graph, half_edges[side ^ 1].patch,
+                                       half_edges[h ^ 1].patch, least));
+}
+
 static bool is_smooth(const struct search *search, uint32_t edge, double least, double most)
 {
     const struct half_edge *half_edges = search->graph->half_edges;
-    uint32_t a = half_edges[2 * (size_t)edge].patch, b = half_edges[2 * (size_t)edge + 1].patch;
+    uint32_t h = 2 * edge, a = half_edges[h].patch, b = half_edges[h + 1].patch;
     if (a == NO_PATCH || b == NO_PATCH)
         return false;
+    uint32_t a_side = splinter_side(search, h, least), b_side = splinter_side(search, h + 1, least);
+    if (a_side != NO_INDEX || b_side != NO_INDEX)
+        return splinter_goes(search, a_side, h, least) ||
+               splinter_goes(search, b_side, h + 1, least);
     double cosine = vec3_dot(patch_normal(search->graph, a), patch_normal(search->graph, b));
     return cosine >= least || cosine < most;
 }
@@ -126,8 +192,8 @@ static enum status judge_loop(struct search *search, uint32_t first, bool is_sha
         search->visited[search->points.half_edges[i]] = 1;
     bool is_large = box_exceeds(&loop, search->options->size);
     if (!is_large) {
-        status = loop_size(graph->ctx, &search->points, search->options->measure, loop.normal,
-                           &size);
+        status =
+            loop_size(graph->ctx, &search->points, search->options->measure, loop.normal, &size);
         is_large = size >= search->options->size;
     }
     if (status != STATUS_OK)
@@ -157,6 +223,24 @@ static enum status judge_loops(struct search *search, bool is_sharp)
     return status;
 }
 
+/* A triangle cut off all round has nothing inside: it goes back to its neighbour over the longest
+ * side. */
+static void heal_triangles(struct search *search)
+{
+    struct chain_graph *graph = search->graph;
+    for (uint32_t p = 0; p < graph->patch_count; p++) {
+        uint32_t h = graph->patches[p].half_edge;
+        double longest;
+        bool is_cut = graph->patches[p].size == 3;
+        for (uint32_t k = 0; k < 3 && is_cut; k++, h = graph->half_edges[h].next)
+            is_cut = rim_flat_side(search->rims, h / 2) != NO_INDEX;
+        if (!is_cut)
+            continue;
+        uint32_t side = longest_side(graph, h, &longest);
+        search->rims->strength[side] = search->rims->strength[side ^ 1] = 0;
+    }
+}
+
 enum status rims_find(struct chain_graph *graph, const struct rim_options *options,
                       const uint32_t *skip, struct rim_set *rims)
 {
@@ -177,6 +261,8 @@ enum status rims_find(struct chain_graph *graph, const struct rim_options *optio
         find_regions(&search, plane_cosine, -2);
         status = judge_loops(&search, false);
     }
+    if (status == STATUS_OK)
+        heal_triangles(&search);
     loop_points_clear(ctx, &search.points);
     memory_release(ctx, &search.visited, half_edges, 1);
     memory_release(ctx, &search.regions, graph->patch_count, sizeof *search.regions);

@@ -10,7 +10,9 @@
 struct rim_options {
     double size; /* loops smaller than it can be rims; a length */
     enum loop_measure measure;
-    double sharp_cosine[2]; /* an edge is sharp when the cosine of its angle is between [1] and [0] */
+    double noise; /* a length: the normals of triangles thinner than it say nothing */
+    double
+        sharp_cosine[2]; /* an edge is sharp when the cosine of its angle is between [1] and [0] */
 };
 
 /* A loop that is not small, found between two smooth regions. */
@@ -20,7 +22,8 @@ struct large_loop {
 };
 
 struct rim_set {
-    uint8_t *strength; /* a half-edge: 0, or how surely its own patch lies on the flat side of a rim */
+    uint8_t
+        *strength; /* a half-edge: 0, or how surely its own patch lies on the flat side of a rim */
     size_t half_edge_count;
     struct large_loop *large;
     size_t large_count, large_capacity;
@@ -34,8 +37,8 @@ static inline uint32_t rim_flat_side(const struct rim_set *rims, uint32_t edge)
     return a > b ? 2 * edge : b > a ? 2 * edge + 1 : NO_INDEX;
 }
 
-/* `rims` is all zero before; the caller releases it. Patches with skip[patch] != NO_INDEX are looked
- * over. */
+/* `rims` is all zero before; the caller releases it. Patches with skip[patch] != NO_INDEX are
+ * looked over. */
 enum status rims_find(struct chain_graph *graph, const struct rim_options *options,
                       const uint32_t *skip, struct rim_set *rims) MUST_CHECK;
 void rim_set_clear(struct context *ctx, struct rim_set *rims);

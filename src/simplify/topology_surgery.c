@@ -280,8 +280,8 @@ static enum status walk_wall_loop(struct surgery *surgery, struct wall_edge firs
     struct wall_edge at = first;
     uint32_t count = 0, feature = surgery->walls[first.wall].feature;
     do {
-        enum status status = memory_reserve(surgery->ctx, corners, capacity, (size_t)count + 1,
-                                            sizeof **corners);
+        enum status status =
+            memory_reserve(surgery->ctx, corners, capacity, (size_t)count + 1, sizeof **corners);
         if (status != STATUS_OK)
             return status;
         (*corners)[count++] = surgery->walls[at.wall].vertices[at.edge];
@@ -459,23 +459,22 @@ static enum status keep_fill(struct filler *filler, uint32_t count)
 {
     struct surgery *surgery = filler->surgery;
     size_t faces = count - 2;
-    enum status status =
-        memory_reserve(surgery->ctx, &surgery->fills, &surgery->fill_capacity,
-                       3 * (surgery->fill_count + faces), sizeof *surgery->fills);
+    enum status status = memory_reserve(surgery->ctx, &surgery->fills, &surgery->fill_capacity,
+                                        3 * (surgery->fill_count + faces), sizeof *surgery->fills);
     for (size_t i = 0; i < 3 * faces && status == STATUS_OK; i++) {
         uint32_t from = filler->triangles[i];
         uint32_t to = filler->triangles[i % 3 == 2 ? i - 2 : i + 1];
         surgery->fills[3 * surgery->fill_count + i] = filler->corners[from];
-        status = pair_set_add(surgery->ctx, &surgery->taken, filler->corners[from],
-                              filler->corners[to]);
+        status =
+            pair_set_add(surgery->ctx, &surgery->taken, filler->corners[from], filler->corners[to]);
     }
     surgery->fill_count += faces;
     return status;
 }
 
 /*
- * Do two corners of the filled polygon that are the same vertex meet in one diagonal? The triangulator
- * knows corners only: two diagonals between the same two vertices must be found here.
+ * Do two corners of the filled polygon that are the same vertex meet in one diagonal? The
+ * triangulator knows corners only: two diagonals between the same two vertices must be found here.
  */
 static enum status fill_is_simple(struct filler *filler, uint32_t count, bool *simple)
 {
@@ -628,8 +627,8 @@ static enum status sweep_slabs(struct writing *writing, enum sweep sweep)
     enum status status = STATUS_OK;
     for (uint32_t i = 0; i < slab_count && status == STATUS_OK; i++) {
         struct slab slab;
-        status = step(surgery->ctx, "write", i + (uint64_t)sweep * slab_count,
-                      3 * (uint64_t)slab_count);
+        status =
+            step(surgery->ctx, "write", i + (uint64_t)sweep * slab_count, 3 * (uint64_t)slab_count);
         if (status == STATUS_OK)
             status = slab_open(surgery->store, i, &slab);
         if (status != STATUS_OK)

@@ -419,6 +419,34 @@ class Report(ProgramTest):
             self.assertEqual(level["stop"], "reached")
         self.assertGreater(report["memory_peak"], 1 << 20)
 
+    def speck(self):
+        """A large tetrahedron and a small one."""
+        with open(self.path("speck.off"), "w", encoding="ascii") as file:
+            file.write("OFF\n8 8 0\n")
+            for scale, shift in ((1, 0), (0.1, 2)):
+                for x, y, z in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)):
+                    file.write("%g %g %g\n" % (scale * x + shift, scale * y, scale * z))
+            for first in (0, 4):
+                for a, b, c in ((0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)):
+                    file.write("3 %d %d %d\n" % (first + a, first + b, first + c))
+        return "speck.off"
+
+    def test_topology(self):
+        _, err = self.run_program("topology", self.speck(), "-o", "c.ply", "--drop-components",
+                                  "50%", "--json", "t.json")
+        report = read_json(self.path("t.json"))
+        self.assertIn("8 faces in, 4 faces out", err)
+        self.assertEqual(report["removed_counts"]["component"], 1)
+        self.assertEqual(report["removed"][0]["kind"], "component")
+        self.run_program("check", "c.ply")
+        self.misuse("topology", "speck.off", "-o", "d.ply", says=["no size is given"])
+        self.misuse("topology", "speck.off", "-o", "d.ply", "--max-feature", "0",
+                    says=["--max-feature 0"])
+        self.misuse("topology", "speck.off", "-o", "d.ply", "--max-feature", "1", "--size", "x",
+                    says=["exact, sampled, box, extent"])
+        self.run_program("topology", "speck.off", "-o", "d.ply", "--drop-components", "200%",
+                         code=1)
+
     def test_every_key_is_documented(self):
         with open(os.path.join(SOURCE, "doc", "json.md"), encoding="utf-8") as file:
             page = file.read()
@@ -430,7 +458,9 @@ class Report(ProgramTest):
         for i, words in enumerate((["info", mesh], ["info", "k/mesh.store"],
                                    ["info", "k/mesh.chains"], ["check", mesh],
                                    ["measure", mesh, "a.ply"],
-                                   ["export", "k/mesh.store", "-o", "b.ply"])):
+                                   ["export", "k/mesh.store", "-o", "b.ply"],
+                                   ["topology", self.speck(), "-o", "c.ply", "--drop-components",
+                                    "50%"])):
             self.run_program(*words, "--json", "%d.json" % (i + 2))
 
         def walk(value):
@@ -442,7 +472,7 @@ class Report(ProgramTest):
             elif isinstance(value, list):
                 for inner in value:
                     walk(inner)
-        for i in range(8):
+        for i in range(9):
             walk(read_json(self.path("%d.json" % i)))
         # And the other way round: the page promises no key that never comes.
         documented = set(re.findall(r"`([a-z_][a-z_0-9]*)`", page)) - {"null"}

@@ -92,7 +92,7 @@ static void take(void *user, const void *data, size_t size)
 int main(int argc, char **argv)
 {
     const char *rounds = getenv("SPBM_FUZZ_ROUNDS");
-    struct replay replay = {.rounds = rounds ? (unsigned)atoi(rounds) : 25,
+    struct replay replay = {.rounds = rounds ? (unsigned)atoi(rounds) : 100,
                             .random = 7,
                             .last = getenv("SPBM_FUZZ_LAST")};
     if (argc == 3 && strcmp(argv[1], "--seeds") == 0) {

@@ -1,7 +1,7 @@
 /*
- * Plates with holes, bumps and pockets drawn at random, on both sides of a threshold drawn at random:
- * exactly those below it go, the genus is that of the construction, and without noise so is the
- * volume. What is expected comes from building the plate again without them.
+ * Plates with holes, bumps and pockets drawn at random, on both sides of a threshold drawn at
+ * random: exactly those below it go, the genus is that of the construction, and without noise so is
+ * the volume. What is expected comes from building the plate again without them.
  */
 #include "test_kit.h"
 
@@ -86,8 +86,8 @@ static struct part_plate random_plate(uint64_t *state)
     return plate;
 }
 
-static bool is_near(const struct part_feature *features, unsigned count, double size, bool by_extent,
-                    double thickness)
+static bool is_near(const struct part_feature *features, unsigned count, double size,
+                    bool by_extent, double thickness)
 {
     for (unsigned i = 0; i < count; i++)
         if (fabs(feature_diameter(&features[i]) - size) < margin ||

@@ -1,6 +1,6 @@
 /*
- * Topology simplification on the parts of the dissertation's table 2, built in code: what is left is
- * what the construction says, counted and measured.
+ * Topology simplification on the parts of the dissertation's table 2, built in code: what is left
+ * is what the construction says, counted and measured.
  */
 #include "test_kit.h"
 

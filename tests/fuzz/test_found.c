@@ -1,0 +1,117 @@
+/*
+ * What fuzzing found, each built in code.
+ */
+#include "base/memory.h"
+#include "mesh/export.h"
+#include "mesh/import.h"
+#include "simplify/chain_frame.h"
+#include "simplify/collapse.h"
+#include "test_kit.h"
+#include "test_shapes.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static struct chain_info fair_info(void)
+{
+    struct chain_info info = {.box_high = {1, 1, 1},
+                              .is_float32 = true,
+                              .slab_count = 1,
+                              .effort = 2,
+                              .mean_edge = 1,
+                              .topology = {.vertices = 3, .edges = 3, .faces = 1},
+                              .options = {.most_faces = 1},
+                              .attributes = {.count = 1, .stride = 1}};
+    strcpy(info.attributes.list[0].name, "red");
+    info.attributes.list[0].type = SCALAR_UINT8;
+    return info;
+}
+
+static const char *decode(const struct chain_info *info)
+{
+    unsigned char bytes[4096];
+    struct chain_info read;
+    size_t size = chain_info_encode(info, bytes);
+    assert_true(size <= sizeof bytes);
+    return chain_info_decode(bytes, size, &read);
+}
+
+/* Levels were written with coordinates that the origin had moved beyond all bounds. */
+static void a_chain_file_with_a_forged_origin_or_box(void **state)
+{
+    (void)state;
+    struct chain_info info = fair_info();
+    assert_null(decode(&info));
+    info.origin[1] = -5.48612e303;
+    assert_non_null(strstr(decode(&info), "origin"));
+    info.is_float32 = false;
+    assert_null(decode(&info));
+    info.box_low[2] = 2;
+    assert_non_null(strstr(decode(&info), "box"));
+}
+
+/* The name of an attribute goes into the header of a PLY: a line end in it would be a line of its
+ * own. */
+static void a_chain_file_with_a_forged_attribute(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"red\nelement face 9", "re d", "\x7f", "a\tb"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        struct chain_info info = fair_info();
+        strcpy(info.attributes.list[0].name, names[i]);
+        assert_non_null(strstr(decode(&info), "attribute"));
+    }
+}
+
+/* Patches of a forged chain file that do not join were called a defect of ours. */
+static void a_chain_file_whose_patches_do_not_join(void **state)
+{
+    (void)state;
+    struct context ctx;
+    struct mesh mesh;
+    struct collapse *collapse;
+    context_init(&ctx);
+    struct shape shape = shape_spheres_touching_edge(1);
+    shape_into_mesh(&ctx, &shape, &mesh);
+    const struct collapse_options options = {.effort = 2, .source = "scan.chains"};
+    assert_int_equal(collapse_begin(&ctx, &options, mesh.vertex_count, mesh.face_count,
+                                    mesh.positions, mesh.faces, NULL, NULL, NULL, NULL, &collapse),
+                     STATUS_BAD_INPUT);
+    assert_null(collapse);
+    assert_non_null(strstr(ctx.error, "scan.chains: is damaged"));
+    mesh_clear(&ctx, &mesh);
+    assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+}
+
+/* memcpy from NULL, of no bytes (undefined all the same: the sanitizer is what fails here). */
+static void a_ply_without_attributes(void **state)
+{
+    (void)state;
+    struct context ctx;
+    struct mesh mesh;
+    context_init(&ctx);
+    struct shape shape = shape_tetrahedron();
+    shape_into_mesh(&ctx, &shape, &mesh);
+    assert_null(mesh.records);
+    const struct export_options options = {.format = EXPORT_PLY, .as_float32 = true};
+    assert_int_equal(mesh_save(&ctx, test_path("out.ply"), &options, &mesh), STATUS_OK);
+    size_t size;
+    unsigned char *bytes = test_read_file(test_path("out.ply"), &size);
+    assert_non_null(bytes);
+    assert_true(size > 4 * 12 + 4 * 13);
+    free(bytes);
+    mesh_clear(&ctx, &mesh);
+    context_clear(&ctx);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_chain_file_with_a_forged_origin_or_box),
+        cmocka_unit_test(a_chain_file_with_a_forged_attribute),
+        cmocka_unit_test(a_chain_file_whose_patches_do_not_join),
+        cmocka_unit_test(a_ply_without_attributes),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
