@@ -311,6 +311,8 @@ const unsigned char *parse_real(const unsigned char *at, const unsigned char *en
         number->is_integer = false;
     }
 
+    if (at - start > NUMBER_LENGTH_MAX)
+        return NULL;
     bool is_cut = digits > DIGITS_MAX && are_too_many(first, digits_end);
     double value;
     if (!is_cut && w < 1ull << 53 && q >= -EXACT_POWERS && q <= EXACT_POWERS) {
@@ -319,8 +321,7 @@ const unsigned char *parse_real(const unsigned char *at, const unsigned char *en
     } else if (!is_cut && w > 0 && q >= FIRST_POWER && q <= LAST_POWER &&
                round_product(w, (int)q, &value)) {
         value = is_negative ? -value : value;
-    } else if (at - start > NUMBER_LENGTH_MAX ||
-               !round_by_library(start, (size_t)(at - start), &value)) {
+    } else if (!round_by_library(start, (size_t)(at - start), &value)) {
         return NULL;
     }
     number->value = value;

@@ -296,7 +296,8 @@ class Work(ProgramTest):
         self.run_program(*how, "c.ply", "--ratio", "10%", "--error", "1000%")
         self.run_program(*how, "d.ply", "--ratio", "10%")
         self.assertEqual(read_bytes(self.path("c.ply")), read_bytes(self.path("d.ply")))
-        _, err = self.run_program(*how, "e.ply", "--faces", "400", "--error", "1e-9", code=3)
+        _, err = self.run_program(*how, "e.ply", "--faces", "400", "--error", "1e-9",
+                                  "--patch-angle", "20", "--face-angle", "17", code=3)
         self.assertIn("1e-09", err)
         self.assertEqual(read_json(self.path("r.json"))["levels"][0]["stop"], "too_fine")
 
@@ -439,11 +440,10 @@ class Report(ProgramTest):
         self.assertEqual(report["removed_counts"]["component"], 1)
         self.assertEqual(report["removed"][0]["kind"], "component")
         self.run_program("check", "c.ply")
-        self.misuse("topology", "speck.off", "-o", "d.ply", says=["no size is given"])
-        self.misuse("topology", "speck.off", "-o", "d.ply", "--max-feature", "0",
-                    says=["--max-feature 0"])
-        self.misuse("topology", "speck.off", "-o", "d.ply", "--max-feature", "1", "--size", "x",
-                    says=["exact, sampled, box, extent"])
+        for words, says in (([], "no size is given"), (["--max-feature", "0"], "--max-feature 0"),
+                            (["--max-feature", "1", "--size", "x"], "exact, sampled, box, extent")):
+            _, err = self.run_program("topology", "speck.off", "-o", "d.ply", *words, code=2)
+            self.assertIn(says, err)
         self.run_program("topology", "speck.off", "-o", "d.ply", "--drop-components", "200%",
                          code=1)
 

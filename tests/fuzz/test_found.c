@@ -3,7 +3,7 @@
  */
 #include "base/memory.h"
 #include "mesh/export.h"
-#include "mesh/import.h"
+#include "mesh/parse_number.h"
 #include "simplify/chain_frame.h"
 #include "simplify/collapse.h"
 #include "test_kit.h"
@@ -105,6 +105,19 @@ static void a_ply_without_attributes(void **state)
     context_clear(&ctx);
 }
 
+/* A thousand zeros in front got a number past the limit that its header states. */
+static void a_number_that_is_too_long(void **state)
+{
+    (void)state;
+    static unsigned char text[NUMBER_LENGTH_MAX + 2];
+    struct parsed_number number;
+    memset(text, '0', sizeof text);
+    text[sizeof text - 1] = '8';
+    assert_null(parse_real(text, text + sizeof text, &number));
+    assert_ptr_equal(parse_real(text + 2, text + sizeof text, &number), text + sizeof text);
+    assert_true(number.value == 8);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -112,6 +125,7 @@ int main(void)
         cmocka_unit_test(a_chain_file_with_a_forged_attribute),
         cmocka_unit_test(a_chain_file_whose_patches_do_not_join),
         cmocka_unit_test(a_ply_without_attributes),
+        cmocka_unit_test(a_number_that_is_too_long),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
