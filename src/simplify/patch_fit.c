@@ -35,6 +35,10 @@ enum { EXCERPTS = 4, EXCERPT_FACES = 1 << 13 };
 static const double patches_a_face[4] = {0, 2.5, 8, 22};
 static const double patches_a_smooth_face[4] = {0, 4, 14, 40};
 static const double smooth_below = 0.045; /* noise, mean edges */
+/* A small mesh of nearly all faces is hardly better: this part of the faces is enough patches, or
+ * so many a face of the level. */
+static const double most_part = 0.4;
+static const double most_a_face = 8;
 static const double classic_patches_a_face = 0.6;
 /* The part of an error bound that a mean patch's bulge may take, by effort. */
 static const double bulge_part[4] = {0, 0.03, 0.025, 0.02};
@@ -270,7 +274,9 @@ static bool are_fine_enough(const struct store_info *info, const struct target *
     const double *by_effort = info->noise < smooth_below ? patches_a_smooth_face : patches_a_face;
     const double wanted =
         target->mode == MODE_CLASSIC ? classic_patches_a_face : by_effort[target->effort];
-    if (finest->faces > 0 && patches < wanted * finest->faces)
+    const double part = most_part * (double)info->topology.faces;
+    const double most = most_a_face * finest->faces > part ? most_a_face * finest->faces : part;
+    if (finest->faces > 0 && patches < wanted * finest->faces && patches < most)
         return false;
     if (finest->error <= 0 || patches <= 0)
         return true;
