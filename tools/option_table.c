@@ -41,8 +41,9 @@ const struct option_row option_rows[] = {
      "times the face normals are averaged with their neighbours'\n"
      "(default: chosen)"},
     {OPTION_CHAIN_TOLERANCE, GROUP_PATCH, 0, "chain-tolerance", "E",
-     "chain vertices needed for no more than this are not kept; a\n"
-     "length, or with % a fraction of the diagonal (default: chosen)"},
+     "mode collapse: chains are simplified by this before edges are\n"
+     "collapsed; a length, or with % a fraction of the diagonal\n"
+     "(default: chosen)"},
     {OPTION_PLACE, GROUP_PLACE, 0, "place", "P",
      "subset: output vertices are input vertices, bit for bit;\n"
      "optimal: where the error is least (default: subset in mode\n"

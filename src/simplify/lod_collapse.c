@@ -73,6 +73,8 @@ static void choose_fineness(struct lod *lod)
     }
     lod->tolerance = fmin(lod->tolerance, TOLERANCE_PART * lod->finest_error);
     lod->tolerance = lod->tolerance < 1e-3 * diagonal ? lod->tolerance : 1e-3 * diagonal;
+    if (lod->info->tolerance > 0) /* asked for */
+        lod->tolerance = lod->info->tolerance;
 }
 
 /* ---- one node of the tree ---- */

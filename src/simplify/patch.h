@@ -25,8 +25,8 @@ struct patch_options {
     double face_cosine[2];  /* face normal against the neighbour's normal, likewise */
     uint32_t smoothings;    /* times each face normal is averaged with its edge neighbours' */
     uint32_t most_faces;    /* of a patch; PATCH_FACES_MAX at most */
-    double chain_tolerance; /* model units: chain vertices that a fine simplification needs not are
-                               not kept; 0 keeps all */
+    double chain_tolerance; /* model units: mode collapse simplifies chains by this much; 0: chosen
+                               there from the finest level. The file keeps all chain vertices. */
 };
 
 enum { PATCH_FACES_MAX = 4096 };
