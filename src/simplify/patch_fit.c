@@ -37,7 +37,7 @@ static const double patches_a_smooth_face[4] = {0, 4, 14, 40};
 static const double smooth_below = 0.045; /* noise, mean edges */
 /* A small mesh of nearly all faces is hardly better: this part of the faces is enough patches, or
  * so many a face of the level. */
-static const double most_part = 0.4;
+static const double most_part = 0.6;
 static const double most_a_face = 8;
 static const double classic_patches_a_face = 0.6;
 /* The part of an error bound that a mean patch's bulge may take, by effort. */
