@@ -66,32 +66,13 @@ static void write_caption(struct shown *shown, const char *path, uint64_t count,
 
 /* ---- patches ---- */
 
-/* The CRC of a store's frame, which its end marker holds; a chain file records that of its store.
- */
-static enum status read_store_crc(struct context *ctx, const char *path, uint32_t *crc)
-{
-    enum { MARKER_SIZE = 32, CRC_AT = 12 };
-    struct input_file file;
-    unsigned char marker[MARKER_SIZE] = {0};
-    enum status status = input_open(ctx, path, &file);
-    if (status != STATUS_OK)
-        return status;
-    if (file.size < sizeof marker)
-        status = fail(ctx, STATUS_BAD_INPUT, "%s: too short for a mesh store", path);
-    if (status == STATUS_OK)
-        status = input_read(&file, file.size - sizeof marker, marker, sizeof marker);
-    *crc = load_u32(marker + CRC_AT);
-    input_close(&file);
-    return status;
-}
-
 /* The patches that are grown again are those of the chain file only if the store is the one that it
  * was made from. */
 static enum status check_pair(struct context *ctx, const struct shown *shown, const char *path,
                               const struct chain_info *info)
 {
     uint32_t crc = 0;
-    enum status status = read_store_crc(ctx, shown->path, &crc);
+    enum status status = store_crc(shown->store, &crc);
     if (status != STATUS_OK)
         return status;
     if (info->store_crc != crc || info->topology.faces != shown->mesh.face_count ||

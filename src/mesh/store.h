@@ -94,6 +94,9 @@ enum status store_open(struct context *ctx, const char *path, bool verify, struc
     MUST_CHECK;
 void store_close(struct store **store);
 const struct store_info *store_info(const struct store *store);
+/* The CRC in the file's end marker (header and section table, and so all sections' CRCs): says which
+ * store a chain file came from. */
+enum status store_crc(struct store *store, uint32_t *crc) MUST_CHECK;
 
 enum status slab_open(struct store *store, uint32_t index, struct slab *slab) MUST_CHECK;
 void slab_close(struct slab *slab); /* unmaps it; safe when all zero */

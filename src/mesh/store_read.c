@@ -11,6 +11,7 @@
 #include <stdatomic.h>
 #include <string.h>
 
+#include "base/bytes.h"
 #include "base/checksum.h"
 #include "base/memory.h"
 #include "mesh/draft.h"
@@ -181,6 +182,17 @@ void store_close(struct store **store)
 const struct store_info *store_info(const struct store *store)
 {
     return &store->info;
+}
+
+enum status store_crc(struct store *store, uint32_t *crc)
+{
+    enum { MARKER_SIZE = 32, CRC_AT = 12 }; /* section_file_format.md; opening has checked it */
+    unsigned char marker[MARKER_SIZE];
+    struct input_file *file = &store->reader.file;
+    enum status status = input_read(file, file->size - MARKER_SIZE, marker, MARKER_SIZE);
+    if (status == STATUS_OK)
+        *crc = load_u32(marker + CRC_AT);
+    return status;
 }
 
 struct context *store_context(const struct store *store)

@@ -7,7 +7,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/bytes.h"
 #include "base/memory.h"
 #include "base/parallel.h"
 #include "simplify/chain_frame.h"
@@ -143,24 +142,6 @@ static enum status write_seams(struct build *build)
 
 /* ---- opening, info, clean-up ---- */
 
-/* The CRC of the store's frame, in its end marker: says which store the chains came from. */
-static enum status read_store_crc(struct context *ctx, const char *path, uint32_t *crc)
-{
-    struct input_file file;
-    unsigned char marker[32];
-    enum status status = input_open(ctx, path, &file);
-    if (status)
-        return status;
-    if (file.size < sizeof marker)
-        status = fail(ctx, STATUS_BAD_INPUT, "%s: too short for a mesh store", path);
-    if (!status)
-        status = input_read(&file, file.size - sizeof marker, marker, sizeof marker);
-    if (!status)
-        *crc = load_u32(marker + 12);
-    input_close(&file);
-    return status;
-}
-
 static void fill_info(struct chain_info *info, const struct store_info *store,
                       const struct target *target, const struct patch_options *options)
 {
@@ -228,7 +209,7 @@ static enum status open_all(struct build *build, const char *store_path, const c
     build->level = request->level;
     build->worker_count = ctx->threads ? ctx->threads : 1;
     build->in_flight = 2 * build->worker_count;
-    status = read_store_crc(ctx, store_path, &build->info.store_crc);
+    status = store_crc(build->store, &build->info.store_crc);
     if (!status)
         status =
             memory_take_zeroed(ctx, build->worker_count, sizeof *build->workers, &build->workers);

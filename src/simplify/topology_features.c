@@ -15,6 +15,7 @@
 
 #include <string.h>
 
+#include "base/forest.h"
 #include "base/memory.h"
 
 /* Normals that differ from a loop's by less than 45 degrees are not steep. */
@@ -75,31 +76,12 @@ enum status feature_list_add(struct context *ctx, struct feature_list *list,
 
 /* ---- union-find over patches ---- */
 
-static uint32_t root_of(uint32_t *parents, uint32_t i)
-{
-    while (parents[i] != i) {
-        parents[i] = parents[parents[i]];
-        i = parents[i];
-    }
-    return i;
-}
-
-static void join(uint32_t *parents, uint32_t a, uint32_t b)
-{
-    a = root_of(parents, a);
-    b = root_of(parents, b);
-    if (a < b)
-        parents[b] = a;
-    else
-        parents[a] = b;
-}
-
 /* Turns the forest into numbers from 0, in the order of the lowest patches. */
 static uint32_t number_roots(uint32_t *parents, uint32_t count)
 {
     uint32_t next = 0;
     for (uint32_t p = 0; p < count; p++)
-        parents[p] = root_of(parents, p);
+        parents[p] = forest_root(parents, p);
     /* A root is its own parent and precedes its members, so its place can take the number: numbers
      * never exceed places. */
     for (uint32_t p = 0; p < count; p++)
@@ -134,7 +116,7 @@ static enum status take_pieces(struct finder *finder)
     for (uint32_t e = 0; e < graph->edge_count; e++) {
         uint32_t a = patch_of(finder, 2 * e), b = patch_of(finder, 2 * e + 1);
         if (a != NO_PATCH && b != NO_PATCH && rim_flat_side(&finder->rims, e) == NO_INDEX)
-            join(piece_of, a, b);
+            forest_join(piece_of, a, b);
     }
     finder->piece_count = number_roots(piece_of, graph->patch_count);
     enum status status =
@@ -488,10 +470,10 @@ static void join_gone(struct finder *finder, uint32_t *parents)
     for (size_t i = 0; i < finder->edge_total; i++) {
         uint32_t a = patch_of(finder, finder->edges[i]), b = patch_of(finder, finder->edges[i] ^ 1);
         if (b != NO_PATCH && finder->gone[a] && finder->gone[b])
-            join(parents, finder->piece_of[a], finder->piece_of[b]);
+            forest_join(parents, finder->piece_of[a], finder->piece_of[b]);
     }
     for (uint32_t i = 0; i < finder->piece_count; i++)
-        parents[i] = root_of(parents, i);
+        parents[i] = forest_root(parents, i);
 }
 
 static enum feature_kind kind_of(const struct feature *feature, uint32_t concave)

@@ -17,6 +17,7 @@
 
 #include <string.h>
 
+#include "base/forest.h"
 #include "base/memory.h"
 
 /* cos 10: beyond it a plane ends. */
@@ -43,26 +44,6 @@ struct search {
 };
 
 /* ---- smooth regions ---- */
-
-static uint32_t root_of(uint32_t *parents, uint32_t i)
-{
-    while (parents[i] != i) {
-        parents[i] = parents[parents[i]];
-        i = parents[i];
-    }
-    return i;
-}
-
-/* The lower number wins, so that the result does not depend on the order. */
-static void join(uint32_t *parents, uint32_t a, uint32_t b)
-{
-    a = root_of(parents, a);
-    b = root_of(parents, b);
-    if (a < b)
-        parents[b] = a;
-    else
-        parents[a] = b;
-}
 
 /*
  * A splinter is a thin triangle by itself, whose normal noise turns anywhere; triangulations of
@@ -143,10 +124,10 @@ static void find_regions(struct search *search, double least, double most)
         search->regions[p] = p;
     for (uint32_t e = 0; e < graph->edge_count; e++)
         if (is_smooth(search, e, least, most))
-            join(search->regions, graph->half_edges[2 * (size_t)e].patch,
-                 graph->half_edges[2 * (size_t)e + 1].patch);
+            forest_join(search->regions, graph->half_edges[2 * (size_t)e].patch,
+                        graph->half_edges[2 * (size_t)e + 1].patch);
     for (uint32_t p = 0; p < graph->patch_count; p++)
-        search->regions[p] = root_of(search->regions, p);
+        search->regions[p] = forest_root(search->regions, p);
 }
 
 /* ---- loops ---- */
