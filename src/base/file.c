@@ -526,13 +526,20 @@ enum status window_open(struct input_file *file, uint64_t offset, uint64_t size,
         return fail(file->ctx, STATUS_NO_MEMORY, "%s: %llu bytes are too many to map", file->path,
                     (unsigned long long)size);
     size_t map_size = (size_t)(size + before);
+    enum status status = memory_hold(file->ctx, map_size);
+    if (status != STATUS_OK)
+        return status;
     void *map = MAP_FAILED;
     if (fault_due(file->ctx))
         errno = ENOMEM;
     else
         map = mmap(NULL, map_size, PROT_READ, MAP_SHARED, file->fd, (off_t)(offset - before));
-    if (map == MAP_FAILED)
-        return fail_errno(file->ctx, errno, "%s: cannot map", file->path);
+    if (map == MAP_FAILED) {
+        int error = errno;
+        memory_unhold(file->ctx, map_size);
+        return fail_errno(file->ctx, error, "%s: cannot map", file->path);
+    }
+    window->ctx = file->ctx;
     window->map = map;
     window->map_size = map_size;
     window->data = (const unsigned char *)map + before;
@@ -542,7 +549,9 @@ enum status window_open(struct input_file *file, uint64_t offset, uint64_t size,
 
 void window_close(struct window *window)
 {
-    if (window->map)
+    if (window->map) {
         munmap(window->map, window->map_size);
+        memory_unhold(window->ctx, window->map_size);
+    }
     memset(window, 0, sizeof *window);
 }

@@ -109,13 +109,15 @@ void input_close(struct input_file *file);
 enum status input_read(struct input_file *file, uint64_t offset, void *to, size_t size) MUST_CHECK;
 
 struct window {
+    struct context *ctx;
     const unsigned char *data; /* the byte at `offset` asked for */
     size_t size;
     void *map; /* page-aligned base */
     size_t map_size;
 };
 
-/* Maps [offset, offset + size), which must lie within the file. `size` 0 is allowed. A file that
+/* Maps [offset, offset + size), which must lie within the file. `size` 0 is allowed. The whole
+ * window counts as memory in use (memory_hold), as if all of it were resident. A file that
  * someone shortens while it is mapped raises SIGBUS on the next touch: windows are for our own
  * stores, which nobody rewrites in place; foreign inputs are read through instream.h. */
 enum status window_open(struct input_file *file, uint64_t offset, uint64_t size,

@@ -260,6 +260,18 @@ void memory_release(struct context *ctx, void *inout, size_t count, size_t size)
     set_pointer(inout, NULL);
 }
 
+enum status memory_hold(struct context *ctx, uint64_t bytes)
+{
+    if (fault_due(ctx) || !account_add(ctx, bytes))
+        return refuse(ctx, bytes);
+    return STATUS_OK;
+}
+
+void memory_unhold(struct context *ctx, uint64_t bytes)
+{
+    account_remove(ctx, bytes);
+}
+
 enum status memory_reserve(struct context *ctx, void *inout, size_t *capacity, size_t needed,
                            size_t size)
 {

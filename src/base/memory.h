@@ -26,6 +26,15 @@ enum status memory_resize(struct context *ctx, void *inout, size_t old_count, si
 /* Releases *inout (which may be NULL) and sets it to NULL. */
 void memory_release(struct context *ctx, void *inout, size_t count, size_t size);
 
+/*
+ * Counts `bytes` that become resident by other ways than a block of ours: a window onto a file,
+ * what a library takes for itself. window_open does it for its windows; whoever maps by hand says
+ * so here. STATUS_NO_MEMORY, and nothing counted, when the budget would be passed.
+ */
+enum status memory_hold(struct context *ctx, uint64_t bytes) MUST_CHECK;
+/* Gives held bytes back to the budget. */
+void memory_unhold(struct context *ctx, uint64_t bytes);
+
 /* For vectors: makes room for `needed` elements, growing by half at least, capacity in *capacity.
  */
 enum status memory_reserve(struct context *ctx, void *inout, size_t *capacity, size_t needed,

@@ -20,7 +20,9 @@ enum message_level { MESSAGE_NOTE, MESSAGE_WARNING };
 
 struct context {
     /* Set by the caller before the job, never written by the stages. */
-    uint64_t memory_budget; /* bytes; UINT64_MAX: no limit */
+    uint64_t memory_budget; /* bytes that blocks, windows and whatever else is resident may take
+                               (memory.h): what the user allows less what the process takes by
+                               being there; UINT64_MAX: no limit */
     unsigned threads;       /* at least 1 */
     const char *tmp_dir;    /* borrowed; NULL: beside the output */
     unsigned cpu_level_cap; /* highest enum cpu_level (cpu.h) to use; for tests, else UINT_MAX */

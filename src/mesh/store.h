@@ -127,6 +127,13 @@ struct import_options {
     unsigned slab_shift; /* for tests: slabs of 2^slab_shift faces, 2 to SLAB_SHIFT; 0: SLAB_SHIFT */
 };
 
+/*
+ * The least context.memory_budget with which store_build succeeds with `threads` threads, for up to
+ * `faces` faces (0: any number) whose vertices have attribute records of `stride` bytes: a sum of
+ * buffers and windows whose sizes are constants, and a few bytes a slab.
+ */
+uint64_t store_build_least_memory(unsigned threads, uint64_t faces, uint32_t stride);
+
 /* Builds the store from the inputs, which together are one mesh. *info (may be NULL) tells what was
  * done. Nothing is left behind on failure. */
 enum status store_build(struct context *ctx, const char *const *inputs, size_t input_count,

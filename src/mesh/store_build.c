@@ -266,6 +266,14 @@ static enum status run(struct build *build, const char *const *inputs, size_t in
     return status;
 }
 
+/* Measured with the steps as they are: what a thread's slab takes, and the fixed buffers. */
+uint64_t store_build_least_memory(unsigned threads, uint64_t faces, uint32_t stride)
+{
+    const uint64_t slab_vertices = SLAB_FACES; /* of an open, ragged mesh; a closed one has half */
+    uint64_t slabs = (faces >> SLAB_SHIFT) + 1;
+    return (16 << 20) + threads * ((12 << 20) + slab_vertices * stride) + slabs * 256;
+}
+
 enum status store_build(struct context *ctx, const char *const *inputs, size_t input_count,
                         const char *store_path, const struct import_options *options,
                         struct store_info *info)

@@ -238,6 +238,14 @@ static void release_workers(struct build *build)
     memory_release(ctx, &build->results, build->in_flight, sizeof *build->results);
 }
 
+/* Measured: windows, labels and the tables of growing and tracing of one slab, and two results a
+ * thread that wait for their turn. */
+uint64_t chain_build_least_memory(unsigned threads, uint32_t stride)
+{
+    const uint64_t slab_vertices = SLAB_FACES;
+    return (8 << 20) + (uint64_t)threads * ((56 << 20) + slab_vertices * stride);
+}
+
 enum status chain_build(struct context *ctx, const char *store_path, const char *chain_path,
                         const struct target *target, const struct patch_request *request,
                         struct chain_info *info)

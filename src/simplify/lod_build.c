@@ -9,6 +9,23 @@
 #include "simplify/lod_output.h"
 #include "simplify/lod_target.h"
 
+/* Measured: a leaf of the tree for each thread, and the root with what it may choose from. */
+uint64_t lod_least_memory(const struct target *target, uint64_t faces, unsigned threads,
+                          uint32_t stride)
+{
+    const uint64_t leaf = 56 << 20, face = 200 + stride, chain_vertex = 300 + stride;
+    double finest = 0;
+    for (uint32_t i = 0; i < target->count && i < TARGETS_MAX; i++) {
+        double wanted = target->kind == TARGET_FACES   ? target->values[i]
+                        : target->kind == TARGET_RATIO ? target->values[i] * (double)faces
+                                                       : 0;
+        finest = wanted > finest ? wanted : finest;
+    }
+    if (target->mode == MODE_CLASSIC)
+        return (16 << 20) + faces / 16 * chain_vertex;
+    return (8 << 20) + (uint64_t)threads * leaf + (uint64_t)(10 * finest) * face;
+}
+
 enum status lod_build(struct context *ctx, const char *chain_path,
                       const struct lod_options *options, struct lod_report *report)
 {

@@ -43,6 +43,10 @@ struct patch_request {
 void patch_choose(const struct store_info *info, const struct target *target,
                   const struct patch_request *request, struct patch_options *options);
 
+/* The least context.memory_budget with which chain_build succeeds with `threads` threads, whatever
+ * the store; `stride`: bytes of a vertex's attribute record. */
+uint64_t chain_build_least_memory(unsigned threads, uint32_t stride);
+
 /* Makes the chain file of a store. *info (may be NULL) tells what came out. */
 enum status chain_build(struct context *ctx, const char *store_path, const char *chain_path,
                         const struct target *target, const struct patch_request *request,
@@ -76,6 +80,15 @@ struct lod_report {
     struct level levels[TARGETS_MAX]; /* finest first */
     uint64_t small_faces;             /* faces of the mesh that the chains gave, mode collapse */
 };
+
+/*
+ * The least context.memory_budget with which lod_build makes the levels of `target` of a mesh of
+ * `faces` faces (0: not known; a ratio then counts as one of few faces) with `threads` threads.
+ * Mode collapse: by slab, threads and the faces of the finest level; mode classic: a number of
+ * bytes for each vertex that chains of so large a mesh have at most.
+ */
+uint64_t lod_least_memory(const struct target *target, uint64_t faces, unsigned threads,
+                          uint32_t stride);
 
 /* Makes the levels. STATUS_TARGET_MISSED when all are written but one missed its target. */
 enum status lod_build(struct context *ctx, const char *chain_path, const struct lod_options *options,
