@@ -19,8 +19,9 @@
 #include "base/file.h"
 #include "mesh/export.h"
 
-/* Compression of chain files that are kept. Those of one run are not compressed. */
-enum { KEPT_LEVEL = 6 };
+/* Compression of chain files that are kept: level 6 takes three times as long and makes them 4 %
+ * smaller. Those of one run are not compressed. */
+enum { KEPT_LEVEL = 1 };
 
 _Static_assert((int)SPBM_OK == STATUS_OK && (int)SPBM_BAD_INPUT == STATUS_BAD_INPUT &&
                    (int)SPBM_MISUSE == STATUS_MISUSE &&
