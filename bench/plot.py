@@ -35,9 +35,9 @@ def apart(labels, gap=14):
     """Moves labels (x, y, text, colour) that would lie on each other down, from the top on."""
     placed = []
     for x, y, text, colour in sorted(labels, key=lambda label: label[1]):
-        width = 6.2 * len(text)
+        width = 6.9 * len(text)
         for other_x, other_y, other_text, _ in placed:
-            if (abs(y - other_y) < gap and x < other_x + 6.2 * len(other_text)
+            if (abs(y - other_y) < gap and x < other_x + 6.9 * len(other_text)
                     and other_x < x + width):
                 y = other_y + gap
         placed.append((x, y, text, colour))
@@ -76,8 +76,8 @@ def chart(path, title, x_title, y_title, series):
             parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4.5" fill="{colour}"/>')
             text = label if label is not None else name
             if text:
-                right = x + 8 + 6.2 * len(text) < WIDTH - RIGHT
-                labels.append((x + 8 if right else x - 8 - 6.2 * len(text), y + 4, text, colour))
+                right = x + 8 + 6.9 * len(text) < WIDTH - RIGHT
+                labels.append((x + 8 if right else x - 8 - 6.9 * len(text), y + 4, text, colour))
     for x, y, text, colour in apart(labels):
         parts.append(f'<text x="{x:.1f}" y="{y:.1f}" fill="{colour}">{escape(text)}</text>')
     parts.append("</svg>\n")
