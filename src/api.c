@@ -349,51 +349,99 @@ static enum status workspace_keep(struct workspace *work, const char *keep_dir)
     return status == STATUS_OK ? check_writable(ctx, work->chains) : status;
 }
 
-enum status workspace_hide(struct workspace *work, const char *output)
+void workspace_init(struct workspace *work, struct context *ctx)
+{
+    *work = (struct workspace){.ctx = ctx,
+                               .tmp_dir = ctx->tmp_dir,
+                               .store_fd = -1,
+                               .chains_fd = -1,
+                               .raw_fd = -1,
+                               .scratch_fd = -1};
+}
+
+/* The stages see no output for temporary files to lie beside, so they are told the place. */
+static void choose_folder(struct workspace *work, const char *output)
 {
     struct context *ctx = work->ctx;
     struct stat info;
     if (!ctx->tmp_dir && !is_standard_stream(output) &&
         (stat(output, &info) != 0 || S_ISREG(info.st_mode))) {
-        /* The stages see no output to lie beside, so they are told the place. */
         folder_of(output, work->folder);
         ctx->tmp_dir = work->folder;
     }
-    enum status status = temp_open(ctx, NULL, &work->store_fd);
-    if (status == STATUS_OK)
-        status = temp_open(ctx, NULL, &work->chains_fd);
+}
+
+/* A file without a name, and the path (PATH_MAX bytes) by which the stages reach it. */
+static enum status hide_file(struct context *ctx, int *fd, char *path)
+{
+    enum status status = temp_open(ctx, NULL, fd);
     if (status != STATUS_OK)
         return status;
-    snprintf(work->store, sizeof work->store, "/proc/self/fd/%d", work->store_fd);
-    snprintf(work->chains, sizeof work->chains, "/proc/self/fd/%d", work->chains_fd);
-    if (access(work->store, R_OK | W_OK) != 0)
-        return fail_errno(ctx, errno, "%s: cannot be opened (is /proc mounted?)", work->store);
+    snprintf(path, PATH_MAX, "/proc/self/fd/%d", *fd);
+    if (access(path, R_OK | W_OK) != 0)
+        return fail_errno(ctx, errno, "%s: cannot be opened (is /proc mounted?)", path);
     return STATUS_OK;
+}
+
+enum status workspace_hide(struct workspace *work, const char *output)
+{
+    choose_folder(work, output);
+    enum status status = hide_file(work->ctx, &work->store_fd, work->store);
+    return status == STATUS_OK ? hide_file(work->ctx, &work->chains_fd, work->chains) : status;
+}
+
+enum status workspace_hide_raw(struct workspace *work, const char *output)
+{
+    choose_folder(work, output);
+    enum status status = hide_file(work->ctx, &work->raw_fd, work->raw);
+    return status == STATUS_OK ? hide_file(work->ctx, &work->scratch_fd, work->scratch) : status;
+}
+
+/* The files of a workspace that may have no name. */
+struct hidden_file {
+    int fd;
+    const char *path, *words;
+};
+
+static void list_hidden(const struct workspace *work, struct hidden_file files[4])
+{
+    files[0] = (struct hidden_file){work->store_fd, work->store, "mesh store"};
+    files[1] = (struct hidden_file){work->chains_fd, work->chains, "chain file"};
+    files[2] = (struct hidden_file){work->raw_fd, work->raw, "mesh store"};
+    files[3] = (struct hidden_file){work->scratch_fd, work->scratch, "chain file"};
 }
 
 void workspace_explain(struct workspace *work)
 {
     struct context *ctx = work->ctx;
-    for (unsigned i = 0; i < 2; i++) {
-        const char *path = i ? work->chains : work->store;
+    struct hidden_file files[4];
+    list_hidden(work, files);
+    for (unsigned i = 0; i < 4; i++) {
+        const char *path = files[i].path;
         char text[sizeof ctx->error + PATH_MAX + 64], *at = strstr(ctx->error, path);
-        if ((i ? work->chains_fd : work->store_fd) < 0 || !at)
+        if (files[i].fd < 0 || !at)
             continue;
         *at = '\0';
-        snprintf(text, sizeof text, "%sthe temporary %s in %s%s", ctx->error,
-                 i ? "chain file" : "mesh store", ctx->tmp_dir ? ctx->tmp_dir : "/var/tmp",
-                 at + strlen(path));
+        snprintf(text, sizeof text, "%sthe temporary %s in %s%s", ctx->error, files[i].words,
+                 ctx->tmp_dir ? ctx->tmp_dir : "/var/tmp", at + strlen(path));
         text[sizeof ctx->error - 1] = '\0';
         memcpy(ctx->error, text, sizeof ctx->error);
     }
 }
 
+static void close_hidden(int *fd)
+{
+    if (*fd >= 0)
+        close(*fd);
+    *fd = -1;
+}
+
 void workspace_close(struct workspace *work)
 {
-    if (work->store_fd >= 0)
-        close(work->store_fd);
-    if (work->chains_fd >= 0)
-        close(work->chains_fd);
+    close_hidden(&work->store_fd);
+    close_hidden(&work->chains_fd);
+    close_hidden(&work->raw_fd);
+    close_hidden(&work->scratch_fd);
     work->ctx->tmp_dir = work->tmp_dir;
 }
 
@@ -423,6 +471,42 @@ static void stage_end(struct context *ctx, spbm_simplify_report *report, const c
     *begin = now;
 }
 
+/* The store that patches are grown on: of the input, or of what small features leave of it. */
+static enum status run_import(struct workspace *work, const char *const *inputs, size_t input_count,
+                              const spbm_simplify_options *options, spbm_simplify_report *report,
+                              struct clock *begin)
+{
+    struct context *ctx = work->ctx;
+    const spbm_topology_options *topology = options->topology;
+    bool is_kept = options->keep_dir != NULL;
+    struct store_info store;
+    struct import_options import = {.weld = options->import.weld != 0,
+                                    .sync = is_kept && !topology && options->import.sync};
+    enum status status =
+        store_build(ctx, inputs, input_count, topology ? work->raw : work->store, &import, &store);
+    if (status != STATUS_OK)
+        return status;
+    stage_end(ctx, report, "import", begin);
+    copy_store(&report->store, &store);
+    if (!topology)
+        return STATUS_OK;
+
+    struct topology_report removal = {0};
+    struct topology_options wanted = make_topology(topology);
+    struct import_options rebuild = {.sync = is_kept && options->import.sync};
+    status = topology_rebuild(ctx, work->raw, work->scratch, work->store, &rebuild, &wanted,
+                              &removal, NULL);
+    if (status == STATUS_OK) {
+        stage_end(ctx, report, "topology", begin);
+        report->has_topology = 1;
+        copy_removal(&report->removal, topology, &removal);
+        close_hidden(&work->raw_fd); /* its space is free for what follows */
+        close_hidden(&work->scratch_fd);
+    }
+    topology_report_clear(ctx, &removal);
+    return status;
+}
+
 static enum status run_stages(struct workspace *work, const char *const *inputs, size_t input_count,
                               const char *output, const spbm_simplify_options *options,
                               spbm_simplify_report *report)
@@ -430,15 +514,9 @@ static enum status run_stages(struct workspace *work, const char *const *inputs,
     struct context *ctx = work->ctx;
     struct clock begin = clock_now();
     bool is_kept = options->keep_dir != NULL;
-
-    struct store_info store;
-    struct import_options import = {.weld = options->import.weld != 0,
-                                    .sync = is_kept && options->import.sync};
-    enum status status = store_build(ctx, inputs, input_count, work->store, &import, &store);
+    enum status status = run_import(work, inputs, input_count, options, report, &begin);
     if (status != STATUS_OK)
         return status;
-    stage_end(ctx, report, "import", &begin);
-    copy_store(&report->store, &store);
 
     struct chain_info chains;
     struct target target = make_target(&options->target);
@@ -466,8 +544,9 @@ spbm_status spbm_simplify(spbm_job *job, const char *const *inputs, size_t input
                           spbm_simplify_report *report)
 {
     struct context *ctx = call_begin(job);
-    struct workspace work = {.ctx = ctx, .tmp_dir = ctx->tmp_dir, .store_fd = -1, .chains_fd = -1};
+    struct workspace work;
     spbm_simplify_report unwanted;
+    workspace_init(&work, ctx);
     report = report ? report : &unwanted;
     memset(report, 0, sizeof *report);
 
@@ -475,6 +554,8 @@ spbm_status spbm_simplify(spbm_job *job, const char *const *inputs, size_t input
         check_levels(ctx, inputs, input_count, output, &options->target, &options->lod);
     if (status == STATUS_OK)
         status = check_patch_options(ctx, &options->patch);
+    if (status == STATUS_OK && options->topology)
+        status = check_topology(ctx, options->topology);
     if (status == STATUS_OK && options->keep_dir)
         status = workspace_keep(&work, options->keep_dir);
     if (status == STATUS_OK && options->keep_dir)
@@ -483,6 +564,8 @@ spbm_status spbm_simplify(spbm_job *job, const char *const *inputs, size_t input
         status = check_inputs(ctx, inputs, input_count, work.chains);
     if (status == STATUS_OK && !options->keep_dir)
         status = workspace_hide(&work, output);
+    if (status == STATUS_OK && options->topology)
+        status = workspace_hide_raw(&work, output);
     if (status == STATUS_OK)
         status = run_stages(&work, inputs, input_count, output, options, report);
     workspace_explain(&work);

@@ -11,6 +11,7 @@
 #include "inspect/quality.h"
 #include "mesh/store.h"
 #include "simplify/simplify.h"
+#include "simplify/topology.h"
 #include "spbm.h"
 
 struct spbm_job {
@@ -31,11 +32,18 @@ struct workspace {
     const char *tmp_dir; /* of the context, put back at the end */
     char folder[PATH_MAX];
     char store[PATH_MAX], chains[PATH_MAX];
-    int store_fd, chains_fd; /* -1 when kept */
+    int store_fd, chains_fd;               /* -1 when kept */
+    char raw[PATH_MAX], scratch[PATH_MAX]; /* store and chain file of before topology_rebuild */
+    int raw_fd, scratch_fd;                /* -1 when there is none */
 };
+
+/* Nothing is open yet. */
+void workspace_init(struct workspace *work, struct context *ctx);
 
 /* Opens both without a name, where `output` lies if nothing else is said; fds are -1 before. */
 enum status workspace_hide(struct workspace *work, const char *output) MUST_CHECK;
+/* Opens the other two; after the first two or in their place. */
+enum status workspace_hide_raw(struct workspace *work, const char *output) MUST_CHECK;
 /* Gives the temporary file's words instead of its path in /proc. */
 void workspace_explain(struct workspace *work);
 void workspace_close(struct workspace *work);
@@ -57,8 +65,11 @@ enum status check_levels(struct context *ctx, const char *const *inputs, size_t 
                          const spbm_lod_options *options) MUST_CHECK;
 enum status check_patch_options(struct context *ctx, const spbm_patch_options *options) MUST_CHECK;
 
+enum status check_topology(struct context *ctx, const spbm_topology_options *options) MUST_CHECK;
+
 struct target make_target(const spbm_target *from);
 struct patch_request make_request(const spbm_patch_options *from, int level, bool sync);
+struct topology_options make_topology(const spbm_topology_options *from);
 
 /* Which of our formats a file has, by its first bytes, and its size (0: not a regular file). */
 enum status recognise_file(struct context *ctx, const char *path, spbm_file_kind *kind,
@@ -68,6 +79,9 @@ enum status recognise_file(struct context *ctx, const char *path, spbm_file_kind
 
 void copy_store(spbm_store_figures *to, const struct store_info *from);
 void copy_chains(spbm_chain_figures *to, const struct chain_info *from);
+/* Tells everything that was removed to options->removed, too. */
+void copy_removal(spbm_removal *to, const spbm_topology_options *options,
+                  const struct topology_report *from);
 void copy_levels(spbm_levels *to, const struct lod_report *from, const struct chain_info *chains);
 void copy_quality(spbm_quality *to, const struct quality *from, uint32_t attribute_count);
 

@@ -10,7 +10,6 @@
 
 #include "api_internal.h"
 #include "mesh/store_layout.h"
-#include "simplify/topology.h"
 
 _Static_assert((int)SPBM_FEATURE_KINDS == (int)FEATURE_KINDS, "kinds of features differ");
 _Static_assert((int)SPBM_HANDLE == (int)FEATURE_HANDLE, "kinds of features differ");
@@ -40,7 +39,7 @@ static bool length_is_good(const spbm_length *length)
     return isfinite(length->value) && length->value >= 0;
 }
 
-static enum status check_topology(struct context *ctx, const spbm_topology_options *options)
+enum status check_topology(struct context *ctx, const spbm_topology_options *options)
 {
     const spbm_length *lengths[] = {&options->max_feature, &options->drop_components,
                                     &options->close_cracks};
@@ -65,7 +64,7 @@ static struct length_option make_length(const spbm_length *from)
     return (struct length_option){.value = from->value, .is_relative = from->is_relative != 0};
 }
 
-static struct topology_options make_topology(const spbm_topology_options *from)
+struct topology_options make_topology(const spbm_topology_options *from)
 {
     struct topology_options options;
     topology_defaults(&options);
@@ -116,11 +115,12 @@ static void read_clocks(struct timespec *wall, struct timespec *cpu)
     clock_gettime(CLOCK_PROCESS_CPUTIME_ID, cpu);
 }
 
-static void copy_report(const spbm_topology_options *options, const struct topology_report *from,
-                        spbm_topology_report *to)
+void copy_removal(spbm_removal *to, const spbm_topology_options *options,
+                  const struct topology_report *from)
 {
     memcpy(to->counts, from->counts, sizeof to->counts);
     to->blocked = from->blocked;
+    to->zipped = from->zipped;
     to->dropped_faces = from->dropped_faces;
     to->added_faces = from->added_faces;
     to->vertices = from->vertices;
@@ -173,7 +173,7 @@ static enum status run_topology(struct workspace *work, const char *const *input
     if (status == STATUS_OK) {
         read_clocks(&wall[1], &cpu[1]);
         note_stage(ctx, report, "topology", wall, cpu);
-        copy_report(options, &result, report);
+        copy_removal(&report->removal, options, &result);
     }
     topology_report_clear(ctx, &result);
     return status;
@@ -184,10 +184,11 @@ spbm_status spbm_simplify_topology(spbm_job *job, const char *const *inputs, siz
                                    spbm_topology_report *report)
 {
     struct context *ctx = call_begin(job);
-    struct workspace work = {.ctx = ctx, .tmp_dir = ctx->tmp_dir, .store_fd = -1, .chains_fd = -1};
+    struct workspace work;
     spbm_topology_report unwanted;
     report = report ? report : &unwanted;
     memset(report, 0, sizeof *report);
+    workspace_init(&work, ctx);
 
     enum status status = check_topology(ctx, options);
     if (status == STATUS_OK)

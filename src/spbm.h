@@ -435,22 +435,28 @@ typedef struct spbm_topology_options {
 
 SPBM_API void spbm_topology_defaults(spbm_topology_options *options);
 
+/* What was removed. */
+typedef struct spbm_removal {
+    uint64_t counts[SPBM_FEATURE_KINDS];
+    uint64_t blocked;         /* small enough, but kept, for no fill would leave a manifold */
+    uint64_t zipped;          /* vertices of cracks that were joined with others */
+    uint64_t dropped_faces;   /* of the original */
+    uint64_t added_faces;     /* fills */
+    uint64_t vertices, faces; /* that are left */
+} spbm_removal;
+
 typedef struct spbm_topology_report {
     uint32_t stage_count;
     spbm_stage stages[2]; /* import (if there was one), topology */
     spbm_store_figures store;
-    uint64_t counts[SPBM_FEATURE_KINDS]; /* of what was removed */
-    uint64_t blocked;       /* small enough, but kept, for no fill would leave a manifold */
-    uint64_t dropped_faces; /* of the original */
-    uint64_t added_faces;   /* fills */
-    uint64_t vertices, faces; /* of the output */
+    spbm_removal removal;
     uint64_t reserved[8];
 } spbm_topology_report;
 
 /*
  * Removes small features of the topology and nothing else: all other faces are written as they
- * are (with merge_coplanar: planes anew). The inputs are mesh files, as for spbm_import, or one mesh
- * store. `report` may be NULL. Fails as spbm_import does.
+ * are (with merge_coplanar: planes anew). The inputs are mesh files, as for spbm_import, or one
+ * mesh store. `report` may be NULL. Fails as spbm_import does.
  */
 SPBM_API spbm_status spbm_simplify_topology(spbm_job *job, const char *const *inputs,
                                             size_t input_count, const char *output,
@@ -466,6 +472,9 @@ typedef struct spbm_simplify_options {
     spbm_lod_options lod;
     const char *keep_dir; /* NULL: store and chain file are temporary; else they are kept there as
                              mesh.store and mesh.chains, and the directory is made if need be */
+    const spbm_topology_options *topology; /* NULL: topology stays as it is; else small features go
+                                              before patches are grown, and mesh.store holds what
+                                              is left. Its import, format and sync do not count */
     uint64_t reserved[8];
 } spbm_simplify_options;
 
@@ -473,11 +482,13 @@ SPBM_API void spbm_simplify_defaults(spbm_simplify_options *options);
 
 /* Filled as far as the run came, also when it fails: stages that did not end are not counted. */
 typedef struct spbm_simplify_report {
-    uint32_t stage_count; /* stages that ended */
-    spbm_stage stages[3];
-    spbm_store_figures store;  /* valid with stage_count > 0 */
-    spbm_chain_figures chains; /* > 1 */
-    spbm_levels levels;        /* > 2 */
+    uint32_t stage_count;      /* stages that ended */
+    spbm_stage stages[4];      /* import, topology (if it is asked for), patchify, lod */
+    int has_topology;          /* topology is asked for and has ended */
+    spbm_store_figures store;  /* of the input; valid with stage_count > 0 */
+    spbm_removal removal;      /* with has_topology */
+    spbm_chain_figures chains; /* stage_count > 1 + has_topology */
+    spbm_levels levels;        /* > 2 + has_topology */
     uint64_t reserved[8];
 } spbm_simplify_report;
 

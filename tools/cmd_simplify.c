@@ -16,15 +16,23 @@ spbm_status cmd_simplify(struct run *run)
     simplify.patch = options->patch;
     simplify.lod = options->lod;
     simplify.keep_dir = options->keep_dir;
+    spbm_topology_options topology = options->topology;
+    if (options->has_topology) {
+        report_removed(&run->report, &topology);
+        simplify.topology = &topology;
+    }
 
     spbm_status status = spbm_simplify(run->job, options->inputs, options->input_count,
                                        options->output, &simplify, report);
     progress_clear(&run->progress);
     if (report->stage_count > 0)
         report_store(&run->report, &report->store);
-    if (report->stage_count > 1)
+    const uint32_t before = report->has_topology ? 2 : 1;
+    if (report->has_topology)
+        report_removal(&run->report, &report->removal);
+    if (report->stage_count > before)
         report_chains(&run->report, &report->chains);
-    if (report->stage_count > 2) {
+    if (report->stage_count > before + 1) {
         report_levels(&run->report, &report->levels, options->output);
         report_level_counts(&run->report, report->store.cleaning.input_faces, &report->levels);
     }

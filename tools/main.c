@@ -10,7 +10,7 @@
 
 #define SIMPLIFY_OPTIONS \
     (GROUP_SHARED | GROUP_OUTPUT | GROUP_WELD | GROUP_TARGET | GROUP_PATCH | GROUP_PLACE | \
-     GROUP_FORMAT | GROUP_KEEP)
+     GROUP_FORMAT | GROUP_KEEP | GROUP_TOPOLOGY)
 
 static const struct command commands[] = {
     {"simplify", "Simplify", "IN... -o OUT TARGET [options]",
@@ -18,11 +18,12 @@ static const struct command commands[] = {
      "Does import, patchify and lod in one run, with temporary files. IN are PLY, OBJ, STL or OFF\n"
      "files, plain or gzip-compressed, - is standard input; several are one mesh. With several\n"
      "levels OUT holds %d, which becomes the level's number (0 is the finest; %% is a percent\n"
-     "sign).\n"
+     "sign). The topology is kept unless small features are to be removed first.\n"
      "\n"
      "  spbm simplify scan.ply.gz -o small.ply --faces 10k\n"
      "  spbm simplify scan.ply -o 'level-%d.ply' --faces 100k,10k,1k\n"
-     "  spbm simplify part.stl -o part.obj --mode classic --error 0.1%\n",
+     "  spbm simplify part.stl -o part.obj --mode classic --error 0.1%\n"
+     "  spbm simplify part.stl -o part.obj --mode classic --max-feature 5 --faces 100\n",
      SIMPLIFY_OPTIONS, 1, UINT32_MAX, cmd_simplify},
     {"import", "One stage at a time", "IN... -o STORE [options]",
      "stage 1: mesh files to a mesh store",

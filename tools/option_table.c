@@ -169,7 +169,7 @@ static void write_row(FILE *file, const struct option_row *row)
 
 void options_help(const struct command *command, FILE *file)
 {
-    static const struct {
+    const struct {
         unsigned groups;
         const char *title;
     } sections[] = {
@@ -178,7 +178,9 @@ void options_help(const struct command *command, FILE *file)
         {GROUP_TARGET, "Target (one of the first three is needed)"},
         {GROUP_PATCH, "Patches"},
         {GROUP_PLACE, "Vertices"},
-        {GROUP_TOPOLOGY, "What is removed (one at least is needed)"},
+        {GROUP_TOPOLOGY, command->groups & GROUP_TARGET
+                             ? "Topology (kept unless something is to be removed)"
+                             : "What is removed (one at least is needed)"},
         {GROUP_MEASURE, "Measuring"},
         {GROUP_RENDER, "Picture"},
         {GROUP_SHARED, "Any command"},

@@ -359,6 +359,7 @@ static void take_option(struct parser *parser, const struct option_row *row, con
         options->keep_dir = value;
         break;
     default:
+        options->has_topology |= row->group == GROUP_TOPOLOGY;
         if (row->group == GROUP_TOPOLOGY)
             take_topology_option(parser, row, value);
         else

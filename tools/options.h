@@ -53,8 +53,9 @@ struct options {
     spbm_measure_options measure;
     spbm_render_options render;
     spbm_topology_options topology;
-    uint64_t memory;  /* 0: not given */
-    unsigned threads; /* 0: not given */
+    bool has_topology; /* some option of it was given */
+    uint64_t memory;   /* 0: not given */
+    unsigned threads;  /* 0: not given */
 };
 
 enum parsed { PARSED_RUN, PARSED_HELP, PARSED_VERSION, PARSED_MISUSE };

@@ -231,6 +231,57 @@ void report_levels(struct report *report, const spbm_levels *levels, const char 
     set_count(report->root, "small_faces", levels->small_faces);
 }
 
+/* ---- topology ---- */
+
+static json_t *json_of_feature(const spbm_feature *feature)
+{
+    json_t *object = json_object(), *place = json_array();
+    set_text(object, "kind", spbm_feature_text(feature->kind));
+    set_count(object, "loops", feature->loops);
+    set_real(object, "size", feature->size);
+    for (unsigned c = 0; c < 3; c++)
+        json_array_append_new(place, json_real(feature->place[c]));
+    set_json(object, "place", place);
+    return object;
+}
+
+/* Into the JSON, and with --verbose a line for people. */
+static void note_feature(void *user, const spbm_feature *feature)
+{
+    struct report *report = user;
+    json_array_append_new(json_object_get(report->root, "removed"), json_of_feature(feature));
+    if (report->words && report->verbose)
+        fprintf(report->words, "removed %s of size %s at %g, %g, %g\n",
+                spbm_feature_text(feature->kind), length_text(feature->size).s, feature->place[0],
+                feature->place[1], feature->place[2]);
+}
+
+void report_removal(struct report *report, const spbm_removal *removal)
+{
+    json_t *counts = json_object();
+    for (int kind = 0; kind < SPBM_FEATURE_KINDS; kind++) {
+        const char *word = spbm_feature_text((spbm_feature_kind)kind);
+        set_count(counts, word, removal->counts[kind]);
+        if (removal->counts[kind] && report->words)
+            fprintf(report->words, "%s%s removed: %s\n", word,
+                    kind == SPBM_CAVITY ? " (or pocket)" : "", count_text(removal->counts[kind]).s);
+    }
+    set_json(report->root, "removed_counts", counts);
+    set_count(report->root, "blocked", removal->blocked);
+    set_count(report->root, "dropped_faces", removal->dropped_faces);
+    set_count(report->root, "added_faces", removal->added_faces);
+    if (removal->blocked && report->words)
+        fprintf(report->words, "kept, for no fill would leave a manifold: %s\n",
+                count_text(removal->blocked).s);
+}
+
+void report_removed(struct report *report, spbm_topology_options *topology)
+{
+    topology->removed = note_feature;
+    topology->user = report;
+    set_json(report->root, "removed", json_array());
+}
+
 /* ---- the end ---- */
 
 static bool write_json(FILE *file, const json_t *root)

@@ -44,6 +44,10 @@ void report_chains(struct report *report, const spbm_chain_figures *chains);
 /* `output` is the name with %d in it. */
 void report_levels(struct report *report, const spbm_levels *levels, const char *output);
 
+/* What topology simplification removed: in all; and one by one, with the options' callback. */
+void report_removal(struct report *report, const spbm_removal *removal);
+void report_removed(struct report *report, spbm_topology_options *topology);
+
 /* The closing line and the JSON. Returns the exit code, which is `exit_code` unless the JSON could
  * not be written. */
 int report_finish(struct report *report, const struct options *options, const char *command,

@@ -140,4 +140,17 @@ enum status store_build(struct context *ctx, const char *const *inputs, size_t i
                         const char *store_path, const struct import_options *options,
                         struct store_info *info) MUST_CHECK;
 
+/* A mesh that is made of another store's, as a reader would give it. */
+struct import_sink;
+struct store_feed {
+    enum status (*give)(void *user, const struct import_sink *sink);
+    void *user;
+    const struct store_info *source; /* whose provenance the new store takes over */
+};
+
+/* The same from a mesh that no file holds. */
+enum status store_build_from(struct context *ctx, const struct store_feed *feed,
+                             const char *store_path, const struct import_options *options,
+                             struct store_info *info) MUST_CHECK;
+
 #endif

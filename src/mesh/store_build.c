@@ -31,6 +31,9 @@ enum { MENDING_ROUNDS = 6 };
 struct build {
     struct context *ctx;
     const struct import_options *options;
+    const char *const *inputs; /* or: */
+    size_t input_count;
+    const struct store_feed *feed;
     struct ingest ingest;
     struct draft draft;
     struct frame frame;
@@ -79,15 +82,30 @@ static enum status read_input(struct build *build, const char *path, bool is_fir
     return status;
 }
 
-static enum status read_inputs(struct build *build, const char *const *inputs, size_t count)
+static enum status take_feed(struct build *build)
 {
+    const struct store_info *source = build->feed->source;
+    struct store_info *info = &build->info;
+    struct import_sink sink;
+    memcpy(info->input_name, source->input_name, sizeof info->input_name);
+    info->input_digest = source->input_digest;
+    info->input_size = source->input_size;
+    enum status status = ingest_begin(&build->ingest, info->input_name, &sink);
+    if (status == STATUS_OK)
+        status = build->feed->give(build->feed->user, &sink);
+    return status == STATUS_OK ? ingest_end(&build->ingest) : status;
+}
+
+static enum status read_inputs(struct build *build)
+{
+    enum status status = STATUS_OK;
     ingest_init(build->ctx, &build->ingest, build->draft.beside, build->draft.spool_limit);
-    for (size_t i = 0; i < count; i++) {
-        enum status status = read_input(build, inputs[i], i == 0);
-        if (status != STATUS_OK)
-            return status;
-    }
-    enum status status = ingest_finish(&build->ingest);
+    if (build->feed)
+        status = take_feed(build);
+    for (size_t i = 0; i < build->input_count && status == STATUS_OK; i++)
+        status = read_input(build, build->inputs[i], i == 0);
+    if (status == STATUS_OK)
+        status = ingest_finish(&build->ingest);
     struct cleaning *cleaning = &build->info.cleaning;
     cleaning->input_vertices = build->ingest.vertex_count;
     cleaning->input_faces = build->ingest.input_faces;
@@ -237,11 +255,10 @@ static void describe(struct build *build)
     memcpy(info->box_high, build->frame.high, sizeof info->box_high);
 }
 
-static enum status run(struct build *build, const char *const *inputs, size_t input_count,
-                       const char *store_path)
+static enum status run(struct build *build, const char *store_path)
 {
-    for (size_t i = 0; i < input_count; i++) {
-        enum status status = paths_must_differ(build->ctx, inputs[i], store_path);
+    for (size_t i = 0; i < build->input_count; i++) {
+        enum status status = paths_must_differ(build->ctx, build->inputs[i], store_path);
         if (status != STATUS_OK)
             return status;
     }
@@ -250,7 +267,7 @@ static enum status run(struct build *build, const char *const *inputs, size_t in
         section_file_create(build->ctx, store_path, STORE_MAGIC, STORE_VERSION, &build->writer);
     if (status != STATUS_OK)
         return status;
-    status = read_inputs(build, inputs, input_count);
+    status = read_inputs(build);
     if (status == STATUS_OK)
         status = take_faces(build);
     if (status == STATUS_OK)
@@ -274,21 +291,35 @@ uint64_t store_build_least_memory(unsigned threads, uint64_t faces, uint32_t str
     return (16 << 20) + threads * ((12 << 20) + slab_vertices * stride) + slabs * 256;
 }
 
+static enum status build_store(struct build *build, const char *store_path, struct store_info *info)
+{
+    const unsigned shift = build->options->slab_shift;
+    if (shift && (shift < STORE_SHIFT_MIN || shift > SLAB_SHIFT))
+        return fail(build->ctx, STATUS_MISUSE, "slabs can't have 2^%u faces", shift);
+    draft_init(build->ctx, &build->draft, store_path, shift);
+    enum status status = run(build, store_path);
+    draft_clear(&build->draft);
+    ingest_clear(&build->ingest);
+    if (status == STATUS_OK && info)
+        *info = build->info;
+    return status;
+}
+
 enum status store_build(struct context *ctx, const char *const *inputs, size_t input_count,
                         const char *store_path, const struct import_options *options,
                         struct store_info *info)
 {
+    struct build build = {
+        .ctx = ctx, .options = options, .inputs = inputs, .input_count = input_count};
     if (input_count == 0)
         return fail(ctx, STATUS_MISUSE, "no input is given");
-    if (options->slab_shift &&
-        (options->slab_shift < STORE_SHIFT_MIN || options->slab_shift > SLAB_SHIFT))
-        return fail(ctx, STATUS_MISUSE, "slabs can't have 2^%u faces", options->slab_shift);
-    struct build build = {.ctx = ctx, .options = options};
-    draft_init(ctx, &build.draft, store_path, options->slab_shift);
-    enum status status = run(&build, inputs, input_count, store_path);
-    draft_clear(&build.draft);
-    ingest_clear(&build.ingest);
-    if (status == STATUS_OK && info)
-        *info = build.info;
-    return status;
+    return build_store(&build, store_path, info);
+}
+
+enum status store_build_from(struct context *ctx, const struct store_feed *feed,
+                             const char *store_path, const struct import_options *options,
+                             struct store_info *info)
+{
+    struct build build = {.ctx = ctx, .options = options, .feed = feed};
+    return build_store(&build, store_path, info);
 }

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "mesh/import.h"
 #include "simplify/simplify.h"
 #include "simplify/topology_cracks.h"
 #include "simplify/topology_planes.h"
@@ -19,6 +20,8 @@ static const double patch_angle = 15;
 
 /* Of the diagonal: the noise that must not hide a feature. */
 static const double noise_share = 1e-3;
+
+enum { BATCH = 4096 }; /* vertices or faces told at once; the surgery's are no larger */
 
 enum blocking { BLOCKED_NOT = 0, BLOCKED_NOW = 1, BLOCKED_BEFORE = 2 };
 
@@ -37,7 +40,11 @@ struct run {
     size_t blocked_count;
     struct surgery surgery;
     struct exporter *exporter;
-    struct mesh mesh; /* for merge_coplanar */
+    struct mesh mesh;                      /* for merge_coplanar */
+    const struct import_options *as_store; /* NULL: the output is a mesh file */
+    const struct import_sink *import;
+    struct store_info *store_made;
+    uint64_t faces_given;
 };
 
 void topology_defaults(struct topology_options *options)
@@ -243,10 +250,45 @@ static enum status faces_to_mesh(void *user, size_t count, const uint32_t *faces
     return STATUS_OK;
 }
 
+static size_t batch_size(uint64_t left)
+{
+    return left < BATCH ? (size_t)left : BATCH;
+}
+
+/* The mesh in memory, vertices first, in batches. */
+static enum status give_mesh(struct run *run, const struct surgery_sink *sink)
+{
+    const struct mesh *mesh = &run->mesh;
+    size_t stride = mesh->attributes.stride;
+    enum status status = sink->begin(sink->user, mesh->vertex_count, mesh->face_count);
+    for (uint64_t i = 0; i < mesh->vertex_count && status == STATUS_OK; i += BATCH)
+        status =
+            sink->add_vertices(sink->user, batch_size(mesh->vertex_count - i),
+                               mesh->positions + 3 * i, stride ? mesh->records + i * stride : NULL);
+    for (uint64_t i = 0; i < mesh->face_count && status == STATUS_OK; i += BATCH)
+        status = sink->add_faces(sink->user, batch_size(mesh->face_count - i), mesh->faces + 3 * i);
+    return status;
+}
+
+/* Tells the result to the sink, planes merged first if that is asked for. */
+static enum status give_result(struct run *run, const struct surgery_sink *sink)
+{
+    const struct surgery_sink to_mesh = {begin_mesh, vertices_to_mesh, faces_to_mesh, run};
+    const double angles[2] = {run->options->coplanar_angle, 0};
+    double cosines[2];
+    if (!run->options->merge_coplanar)
+        return surgery_write(&run->surgery, sink);
+    cosines_of(run, angles, cosines);
+    enum status status = surgery_write(&run->surgery, &to_mesh);
+    if (status == STATUS_OK)
+        status = planes_merge(run->ctx, &run->mesh, cosines[0], 1e-5 * diagonal_of(run->info));
+    return status == STATUS_OK ? give_mesh(run, sink) : status;
+}
+
 static enum status write_file(struct run *run)
 {
     const struct surgery_sink sink = {begin_file, vertices_to_file, faces_to_file, run};
-    enum status status = surgery_write(&run->surgery, &sink);
+    enum status status = give_result(run, &sink);
     if (status == STATUS_OK)
         return export_commit(&run->exporter);
     if (run->exporter)
@@ -254,22 +296,47 @@ static enum status write_file(struct run *run)
     return status;
 }
 
-static enum status write_merged(struct run *run)
+/* ---- the result as a store ---- */
+
+static enum status begin_store(void *user, uint64_t vertices, uint64_t faces)
 {
-    const struct surgery_sink sink = {begin_mesh, vertices_to_mesh, faces_to_mesh, run};
-    const double angles[2] = {run->options->coplanar_angle, 0};
-    double cosines[2];
-    struct export_options export = run->options->export;
-    export.as_float32 = run->info->is_float32;
-    cosines_of(run, angles, cosines);
-    enum status status = surgery_write(&run->surgery, &sink);
-    if (status == STATUS_OK)
-        status = planes_merge(run->ctx, &run->mesh, cosines[0], 1e-5 * diagonal_of(run->info));
-    if (status == STATUS_OK)
-        status = mesh_save(run->ctx, run->output, &export, &run->mesh);
-    run->report->vertices = run->mesh.vertex_count;
-    run->report->faces = run->mesh.face_count;
-    return status;
+    struct run *run = user;
+    run->report->vertices = vertices;
+    run->report->faces = faces;
+    return run->import->begin(run->import->user, &run->info->attributes, false, vertices, faces);
+}
+
+static enum status vertices_to_store(void *user, size_t count, const double *positions,
+                                     const unsigned char *records)
+{
+    struct run *run = user;
+    float floats[3 * BATCH];
+    if (!run->info->is_float32)
+        return run->import->vertices(run->import->user, count, NULL, positions, records);
+    for (size_t i = 0; i < 3 * count; i++)
+        floats[i] = (float)positions[i];
+    return run->import->vertices(run->import->user, count, floats, NULL, records);
+}
+
+static enum status faces_to_store(void *user, size_t count, const uint32_t *faces)
+{
+    struct run *run = user;
+    run->faces_given += count;
+    return run->import->faces(run->import->user, run->faces_given - count, count, NULL, faces);
+}
+
+static enum status feed_store(void *user, const struct import_sink *import)
+{
+    struct run *run = user;
+    const struct surgery_sink sink = {begin_store, vertices_to_store, faces_to_store, run};
+    run->import = import;
+    return give_result(run, &sink);
+}
+
+static enum status write_store(struct run *run)
+{
+    const struct store_feed feed = {feed_store, run, run->info};
+    return store_build_from(run->ctx, &feed, run->output, run->as_store, run->store_made);
 }
 
 static enum status fill_report(struct run *run)
@@ -309,35 +376,55 @@ static void run_clear(struct run *run)
     mesh_clear(ctx, &run->mesh);
 }
 
+static enum status run_all(struct run *run, const char *store_path, const char *chain_path)
+{
+    struct context *ctx = run->ctx;
+    enum status status = paths_must_differ(ctx, store_path, run->output);
+    if (status == STATUS_OK)
+        status = store_open(ctx, store_path, true, &run->store);
+    if (status != STATUS_OK)
+        return status;
+    run->info = store_info(run->store);
+    run->surgery.ctx = ctx;
+    run->surgery.store = run->store;
+    if (needs_chains(run)) {
+        status = open_chains(run, store_path, chain_path);
+        if (status == STATUS_OK)
+            status = find_features(run);
+    }
+    if (status == STATUS_OK)
+        status = surgery_begin(&run->surgery);
+    if (status == STATUS_OK)
+        status = operate(run);
+    if (status == STATUS_OK &&
+        run->info->topology.faces + run->surgery.fill_count == run->surgery.dropped_count)
+        status = fail(ctx, STATUS_BAD_INPUT, "all components are small: nothing would be left");
+    if (status == STATUS_OK)
+        status = run->as_store ? write_store(run) : write_file(run);
+    if (status == STATUS_OK)
+        status = fill_report(run);
+    run_clear(run);
+    return status;
+}
+
 enum status topology_run(struct context *ctx, const char *store_path, const char *chain_path,
                          const char *output, const struct topology_options *options,
                          struct topology_report *report)
 {
     struct run run = {.ctx = ctx, .options = options, .report = report, .output = output};
-    enum status status = paths_must_differ(ctx, store_path, output);
-    if (status == STATUS_OK)
-        status = store_open(ctx, store_path, true, &run.store);
-    if (status != STATUS_OK)
-        return status;
-    run.info = store_info(run.store);
-    run.surgery.ctx = ctx;
-    run.surgery.store = run.store;
-    if (needs_chains(&run)) {
-        status = open_chains(&run, store_path, chain_path);
-        if (status == STATUS_OK)
-            status = find_features(&run);
-    }
-    if (status == STATUS_OK)
-        status = surgery_begin(&run.surgery);
-    if (status == STATUS_OK)
-        status = operate(&run);
-    if (status == STATUS_OK &&
-        run.info->topology.faces + run.surgery.fill_count == run.surgery.dropped_count)
-        status = fail(ctx, STATUS_BAD_INPUT, "all components are small: nothing would be left");
-    if (status == STATUS_OK)
-        status = options->merge_coplanar ? write_merged(&run) : write_file(&run);
-    if (status == STATUS_OK)
-        status = fill_report(&run);
-    run_clear(&run);
-    return status;
+    return run_all(&run, store_path, chain_path);
+}
+
+enum status topology_rebuild(struct context *ctx, const char *store_path, const char *chain_path,
+                             const char *output, const struct import_options *import,
+                             const struct topology_options *options, struct topology_report *report,
+                             struct store_info *info)
+{
+    struct run run = {.ctx = ctx,
+                      .options = options,
+                      .report = report,
+                      .output = output,
+                      .as_store = import,
+                      .store_made = info};
+    return run_all(&run, store_path, chain_path);
 }

@@ -84,4 +84,11 @@ enum status topology_run(struct context *ctx, const char *store_path, const char
                          const char *output, const struct topology_options *options,
                          struct topology_report *report) MUST_CHECK;
 
+/* The same, but the result is the mesh store `output`, that of a mesh file with the same content
+ * (`import`: how to build it). *info (may be NULL) tells what is in it. */
+enum status topology_rebuild(struct context *ctx, const char *store_path, const char *chain_path,
+                             const char *output, const struct import_options *import,
+                             const struct topology_options *options, struct topology_report *report,
+                             struct store_info *info) MUST_CHECK;
+
 #endif

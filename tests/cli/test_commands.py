@@ -447,6 +447,22 @@ class Report(ProgramTest):
         self.run_program("topology", "speck.off", "-o", "d.ply", "--drop-components", "200%",
                          code=1)
 
+    def test_topology_before_simplifying(self):
+        _, err = self.run_program("simplify", self.speck(), "-o", "s.ply", "--faces", "4",
+                                  "--drop-components", "50%", "--json", "t.json")
+        report = read_json(self.path("t.json"))
+        self.assertIn("component removed: 1", err)
+        self.assertIn("8 faces in, 4 faces out", err)
+        self.assertEqual(report["removed_counts"]["component"], 1)
+        self.assertEqual([stage["name"] for stage in report["stages"]],
+                         ["import", "topology", "patchify", "lod"])
+        _, err = self.run_program("simplify", "speck.off", "-o", "s.ply", "--faces", "4", "--size",
+                                  "box", code=2)
+        self.assertIn("no size is given", err)
+        _, err = self.run_program("lod", "a.chains", "-o", "s.ply", "--faces", "4", "--max-feature",
+                                  "3", code=2)
+        self.assertIn("option of simplify, topology", err)
+
     def test_every_key_is_documented(self):
         with open(os.path.join(SOURCE, "doc", "json.md"), encoding="utf-8") as file:
             page = file.read()

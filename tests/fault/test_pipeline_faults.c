@@ -1,7 +1,8 @@
 /*
- * The three stages on a small mesh with every allocation and every guarded system call made to
- * fail, one a run: each run ends with a status and words, gives all memory and descriptors back,
- * leaves no file but whole ones, and a run that succeeds all the same gives the same bytes.
+ * The stages and topology simplification on a small mesh with every allocation and every guarded
+ * system call made to fail, one a run: each run ends with a status and words, gives all memory and
+ * descriptors back, leaves no file but whole ones, and a run that succeeds all the same gives the
+ * same bytes.
  *
  * A run has thousands of such calls; the first ones are tried one by one, later ones in growing
  * strides, so that the test takes seconds.
@@ -15,7 +16,9 @@
 #include "base/memory.h"
 #include "mesh/store.h"
 #include "simplify/simplify.h"
+#include "simplify/topology.h"
 #include "test_files.h"
+#include "test_parts.h"
 #include "test_shapes.h"
 
 enum { EVERY = 150 }; /* that many calls are made to fail one by one */
@@ -86,6 +89,61 @@ static enum status run_lod(struct context *ctx, struct place *place, const char 
     enum status status = lod_build(ctx, place->chains, &options, &report);
     /* A level that misses its target is written all the same. */
     return status == STATUS_TARGET_MISSED ? STATUS_OK : status;
+}
+
+/* A plate with a hole, a pocket and a crack: all that topology simplification does. */
+static void write_part(struct place *place)
+{
+    struct part_plate plate = plate_make(2, 2, 0.5);
+    for (unsigned i = 0; i < 3; i++) {
+        struct part_cell *cell = plate_cell(&plate, i % 2, i / 2);
+        cell->top_count = 1;
+        feature_round(&cell->top[0], 8, 0.5);
+        cell->top[0].kind = i == 0 ? PART_HOLE : i == 1 ? PART_POCKET : PART_BUMP;
+        cell->top[0].depth = 0.25;
+    }
+    struct shape shape = plate_shape(&plate);
+    shape.face_count--;
+    shape_write(&shape, SHAPE_PLY_LITTLE, place->scan);
+    shape_free(&shape);
+    plate_free(&plate);
+}
+
+static struct topology_options all_topology(void)
+{
+    struct topology_options options;
+    topology_defaults(&options);
+    options.max_feature.value = 0.7;
+    options.drop_components.value = 0.5;
+    options.close_cracks.value = 1;
+    options.merge_coplanar = true;
+    options.export.sync = true;
+    return options;
+}
+
+static enum status run_topology(struct context *ctx, struct place *place, const char **output)
+{
+    struct topology_options options = all_topology();
+    struct topology_report report = {0};
+    *output = place->level;
+    enum status status =
+        topology_run(ctx, place->store, place->chains, place->level, &options, &report);
+    topology_report_clear(ctx, &report);
+    remove(place->chains); /* scratch */
+    return status;
+}
+
+static enum status run_rebuild(struct context *ctx, struct place *place, const char **output)
+{
+    struct topology_options options = all_topology();
+    struct topology_report report = {0};
+    struct import_options import = {.sync = true};
+    *output = place->level;
+    enum status status = topology_rebuild(ctx, place->store, place->chains, place->level, &import,
+                                          &options, &report, NULL);
+    topology_report_clear(ctx, &report);
+    remove(place->chains);
+    return status;
 }
 
 /* Runs the stage with the call number `after` failing; true if the run has that many calls. */
@@ -180,15 +238,28 @@ static void collapse_levels_fail_cleanly(void **state)
     fail_everywhere(place, run_lod, 3);
 }
 
+static void topology_fails_cleanly(void **state)
+{
+    write_part(*state);
+    run_well(*state, run_import, 1);
+    fail_everywhere(*state, run_topology, 2);
+}
+
+static void rebuilding_fails_cleanly(void **state)
+{
+    write_part(*state);
+    run_well(*state, run_import, 1);
+    fail_everywhere(*state, run_rebuild, 2);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(import_fails_cleanly),
-        TEST(patchify_fails_cleanly),
-        TEST(classic_levels_fail_cleanly),
-        TEST(collapse_levels_fail_cleanly),
+        TEST(import_fails_cleanly),        TEST(patchify_fails_cleanly),
+        TEST(classic_levels_fail_cleanly), TEST(collapse_levels_fail_cleanly),
+        TEST(topology_fails_cleanly),      TEST(rebuilding_fails_cleanly),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
