@@ -400,9 +400,9 @@ static enum status run_all(struct run *run, const char *store_path, const char *
         run->info->topology.faces + run->surgery.fill_count == run->surgery.dropped_count)
         status = fail(ctx, STATUS_BAD_INPUT, "all components are small: nothing would be left");
     if (status == STATUS_OK)
-        status = run->as_store ? write_store(run) : write_file(run);
-    if (status == STATUS_OK)
         status = fill_report(run);
+    if (status == STATUS_OK) /* last of all: a failure must not leave an output */
+        status = run->as_store ? write_store(run) : write_file(run);
     run_clear(run);
     return status;
 }
