@@ -13,14 +13,10 @@
  */
 #include "quadric.h"
 
-/* Floating-point exceptions are nobody's business here: without this the loops over lanes, which
- * compute both sides of a choice, are not made vector instructions of. Results are the same. */
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC optimize("no-trapping-math")
-#endif
-
 #include <math.h>
 #include <string.h>
+
+#include "base/lanes.h"
 
 /* Measured on bunny, koala and noisy scans: 1e-6 to 1e-4 are alike, 1e-3 loses 4 % on the bunny;
  * what is flat or straight moves by about this part of an edge. */
@@ -31,8 +27,8 @@ static const double PLANE_FLOOR = 1e-6;
 static const double TIE_WEIGHT = 1e-8;
 
 /* The matrix that the neighbour's triangles give, the two shared ones left to the origin's. */
-static inline void rest_of_fan(const struct edge_lanes *e, float square[6][EDGE_LANES],
-                               float normal[3][EDGE_LANES])
+LANES_INLINE void rest_of_fan(const struct edge_lanes *e, float square[6][EDGE_LANES],
+                              float normal[3][EDGE_LANES])
 {
     for (int i = 0; i < EDGE_LANES; i++) {
         const float lx = e->left[0][i], ly = e->left[1][i], lz = e->left[2][i];
@@ -50,21 +46,21 @@ static inline void rest_of_fan(const struct edge_lanes *e, float square[6][EDGE_
 }
 
 /* x'Sx, never negative: rounding of a nearly singular S is cut off. */
-static inline float form(float xx, float xy, float xz, float yy, float yz, float zz, float x,
-                         float y, float z)
+LANES_INLINE float form(float xx, float xy, float xz, float yy, float yz, float zz, float x,
+                        float y, float z)
 {
     const float value =
         xx * x * x + yy * y * y + zz * z * z + 2 * (xy * x * y + xz * x * z + yz * y * z);
     return value > 0 ? value : 0;
 }
 
-static inline float tie(float length)
+LANES_INLINE float tie(float length)
 {
     return (float)TIE_WEIGHT * length * length * length;
 }
 
-static inline float cost_at(const struct fan *fan, float rest[6][EDGE_LANES],
-                            const struct edge_lanes *e, int i, float x, float y, float z)
+LANES_INLINE float cost_at(const struct fan *fan, float rest[6][EDGE_LANES],
+                           const struct edge_lanes *e, int i, float x, float y, float z)
 {
     const float *s = fan->square;
     const float ex = e->edge[0][i], ey = e->edge[1][i], ez = e->edge[2][i];
@@ -74,7 +70,7 @@ static inline float cost_at(const struct fan *fan, float rest[6][EDGE_LANES],
     return (here + there) / 72 + tie(ex * ex + ey * ey + ez * ez);
 }
 
-void edge_lanes_place(const struct fan *fan, float reach_square, struct edge_lanes *e)
+LANES_INLINE void place_lanes(const struct fan *fan, float reach_square, struct edge_lanes *e)
 {
     float rest[6][EDGE_LANES], normal[3][EDGE_LANES];
     rest_of_fan(e, rest, normal);
@@ -133,6 +129,26 @@ void edge_lanes_place(const struct fan *fan, float reach_square, struct edge_lan
     }
     for (int i = 0; i < EDGE_LANES; i++)
         e->cost[i] = cost_at(fan, rest, e, i, e->at[0][i], e->at[1][i], e->at[2][i]);
+}
+
+static void place_lanes_scalar(const struct fan *fan, float reach_square, struct edge_lanes *e)
+{
+    place_lanes(fan, reach_square, e);
+}
+
+LANES_AVX2 static void place_lanes_avx2(const struct fan *fan, float reach_square,
+                                        struct edge_lanes *e)
+{
+    place_lanes(fan, reach_square, e);
+}
+
+void edge_lanes_place(enum cpu_level level, const struct fan *fan, float reach_square,
+                      struct edge_lanes *e)
+{
+    if (level >= CPU_AVX2)
+        place_lanes_avx2(fan, reach_square, e);
+    else
+        place_lanes_scalar(fan, reach_square, e);
 }
 
 void edge_lanes_ends(const struct fan *fan, struct edge_lanes *e)

@@ -16,6 +16,8 @@
 
 #include <stdbool.h>
 
+#include "base/cpu.h"
+
 /* Edges are worked on in groups of this many, each array below a vector register or two. */
 enum { EDGE_LANES = 8 };
 
@@ -45,7 +47,8 @@ struct edge_lanes {
  * volumes is least. Directions that hardly change it are drawn to the edge's middle. No place is
  * further from the middle than the square root of `reach_square`.
  */
-void edge_lanes_place(const struct fan *fan, float reach_square, struct edge_lanes *lanes);
+void edge_lanes_place(enum cpu_level level, const struct fan *fan, float reach_square,
+                      struct edge_lanes *lanes);
 /* Fills `cost_here` and `cost_there`. */
 void edge_lanes_ends(const struct fan *fan, struct edge_lanes *lanes);
 

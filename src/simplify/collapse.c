@@ -93,7 +93,7 @@ static float cheapest(const struct vertex_edges *edges, uint32_t *best)
 {
     float least = INFINITY;
     *best = 0;
-    for (uint32_t i = 0; i < edges->ring.count; i++)
+    for (uint32_t i = 0; i < edges->look.ring.count; i++)
         if (edges->costs[i] < least) {
             least = edges->costs[i];
             *best = i;
@@ -128,6 +128,7 @@ static enum status start(struct context *ctx, const struct collapse_options *opt
         return status;
     struct collapse *c = *out;
     c->ctx = ctx;
+    c->level = cpu_level(ctx);
     c->options = *options;
     if (!(c->options.border_weight > 0))
         c->options.border_weight = BORDER_WEIGHT;
@@ -181,9 +182,7 @@ static enum status make_ready(struct collapse *c)
         status = memory_take(c->ctx, (size_t)c->vertex_count, sizeof *c->keys, &c->keys);
     if (status != STATUS_OK)
         return status;
-    for (uint32_t v = 0; v < c->vertex_count; v++)
-        if (c->vertices[v].corner != NO_INDEX)
-            fan_compute(c, v);
+    fans_build(c);
     fill_keys(c);
     return STATUS_OK;
 }
@@ -284,8 +283,10 @@ static void blend_records(struct collapse *c, uint32_t kept, uint32_t other, dou
 }
 
 /* Which of the edge's ends stays: the one whose place is kept, else the lower number. */
-static uint32_t choose_kept(const struct collapse *c, uint32_t v, uint32_t w, const double to[3])
+static uint32_t choose_kept(const struct collapse *c, const struct edge_change *change)
 {
+    const uint32_t v = change->v, w = change->w;
+    const float *to = change->to[0];
     if (c->flags[v] & VERTEX_LOCKED)
         return v;
     if (c->flags[w] & VERTEX_LOCKED)
@@ -295,48 +296,56 @@ static uint32_t choose_kept(const struct collapse *c, uint32_t v, uint32_t w, co
     return v < w ? v : w;
 }
 
-static void move_vertex(struct collapse *c, uint32_t v, uint32_t w, uint32_t kept,
-                        const double edge[3], const double to[3])
+static void move_vertex(struct collapse *c, const struct edge_change *change, uint32_t kept)
 {
+    const uint32_t v = change->v, w = change->w;
     if (c->options.subset || (c->flags[kept] & VERTEX_LOCKED))
         return;
     if (c->records) {
+        const struct vertex_look *look = change->looks[0];
+        double to[3], edge[3];
+        for (int k = 0; k < 3; k++) {
+            to[k] = (double)change->to[0][k];
+            edge[k] = (double)look->at[k][change->place[0]];
+        }
         double t = dot_product(to, edge) / dot_product(edge, edge);
         t = t > 0 ? (t < 1 ? t : 1) : 0;
         blend_records(c, kept, kept == v ? w : v, kept == v ? t : 1 - t);
     }
     const float *from = c->vertices[v].position;
-    const double place[3] = {(double)from[0] + to[0], (double)from[1] + to[1],
-                             (double)from[2] + to[2]};
+    float place[3];
     for (int k = 0; k < 3; k++)
-        c->vertices[kept].position[k] = (float)place[k];
+        place[k] = from[k] + change->to[0][k];
+    memcpy(c->vertices[kept].position, place, sizeof place);
 }
 
-/* Brings fans and keys up to date round a vertex that has just moved. Its costs and its neighbours'
+/* Brings the keys up to date round a vertex that has just moved. Its costs and its neighbours'
  * have changed: at effort 3 they are made anew at once. Else they stay as they were, to be found
  * out when their turn comes, which is after most of them have changed again; but the vertex itself,
  * and a neighbour that had no edge left, are to be looked at in the next sweep. */
-static void refresh(struct collapse *c, uint32_t kept, float threshold)
+static void refresh_keys(struct collapse *c, const struct edge_change *change, uint32_t kept,
+                         float threshold)
 {
     struct vertex_edges edges;
-    struct ring ring;
     uint32_t best;
-    ring_gather(c, kept, &ring);
-    fan_compute(c, kept);
-    for (uint32_t i = 0; i < ring.count; i++)
-        fan_compute(c, ring.vertices[i]);
     c->keys[kept] = threshold;
     if (c->options.effort >= 3) {
         vertex_evaluate(c, kept, &edges);
         c->keys[kept] = cheapest(&edges, &best);
+        for (uint32_t i = 0; i < edges.look.ring.count; i++) {
+            struct vertex_edges others;
+            const uint32_t r = edges.look.ring.vertices[i];
+            vertex_evaluate(c, r, &others);
+            c->keys[r] = cheapest(&others, &best);
+        }
+        return;
     }
-    for (uint32_t i = 0; i < ring.count; i++) {
-        const uint32_t r = ring.vertices[i];
-        if (c->options.effort >= 3) {
-            vertex_evaluate(c, r, &edges);
-            c->keys[r] = cheapest(&edges, &best);
-        } else if (!(c->keys[r] < INFINITY)) {
-            c->keys[r] = threshold;
+    for (int end = 0; end < 2; end++) {
+        const struct ring *ring = &change->looks[end]->ring;
+        for (uint32_t i = 0; i < ring->count; i++) {
+            const uint32_t r = ring->vertices[i];
+            if (!(c->keys[r] < INFINITY) && c->vertices[r].corner != NO_INDEX)
+                c->keys[r] = threshold;
         }
     }
 }
@@ -348,12 +357,36 @@ static void refresh(struct collapse *c, uint32_t kept, float threshold)
  * typical error to grow. The largest distance falls by a quarter to a half for 1 to 2 % of the mean
  * (koala, elephant and bunny at 1 and 2 %).
  */
-static double overshoot_price(const struct collapse *c, double overshoot)
+static double overshoot_price(const struct collapse *c, const struct edge_change *change)
 {
     const double usual = OVERSHOOT * c->typical_error;
-    if (!(usual > 0) || overshoot <= usual)
+    const double overshoot = usual > 0 ? edge_overshoot(change, usual) : 0;
+    if (overshoot <= usual)
         return 1;
     return overshoot / usual * (overshoot / usual);
+}
+
+/* Where edge i of v leads, its vertex rounded to what can be stored. */
+static void prepare_change(const struct collapse *c, uint32_t v, const struct vertex_edges *edges,
+                           uint32_t i, const struct vertex_look *other, struct edge_change *change)
+{
+    const float *from = c->vertices[v].position;
+    change->v = v;
+    change->w = edges->look.ring.vertices[i];
+    change->looks[0] = &edges->look;
+    change->looks[1] = other;
+    change->place[0] = i;
+    change->place[1] = 0;
+    while (other->ring.count && other->ring.vertices[change->place[1]] != v)
+        change->place[1]++;
+    const bool at_end =
+        c->options.subset || ((c->flags[v] | c->flags[change->w]) & VERTEX_LOCKED) != 0;
+    for (int k = 0; k < 3; k++) {
+        const float step = edges->places[k][i], place = from[k] + step;
+        change->to[0][k] = at_end ? step : place - from[k];
+        change->to[1][k] = at_end ? step - edges->look.at[k][i]
+                                  : place - c->vertices[change->w].position[k];
+    }
 }
 
 /* Tries edge i of v; false when a guard forbids it (its cost is as it was) or when it turned out
@@ -361,40 +394,39 @@ static double overshoot_price(const struct collapse *c, double overshoot)
 static bool try_edge(struct collapse *c, uint32_t v, struct vertex_edges *edges, uint32_t i,
                      float threshold)
 {
-    const uint32_t w = edges->ring.vertices[i];
-    struct ring other;
-    struct edge_outcome outcome;
-    double to[3], edge[3];
-    ring_gather(c, w, &other);
-    if (!topology_allows(c, v, &edges->ring, i, &other) ||
-        !edge_shape_allows(c, v, edges, i, &other, &outcome))
+    const uint32_t w = edges->look.ring.vertices[i];
+    struct vertex_look other;
+    struct edge_change change;
+    double deviation;
+    vertex_look_round(c, w, &other);
+    if (!topology_allows(c, v, &edges->look.ring, i, &other.ring))
+        return false;
+    prepare_change(c, v, edges, i, &other, &change);
+    if (!edge_shape_allows(c, &change, &deviation))
         return false;
     const float before =
         c->vertices[v].error > c->vertices[w].error ? c->vertices[v].error : c->vertices[w].error;
-    const double error = (double)before + outcome.deviation;
+    const double error = (double)before + deviation;
     if (error > c->error_bound) {
         c->held_back = true;
         return false;
     }
-    const double dearer = overshoot_price(c, outcome.overshoot);
+    const double dearer = overshoot_price(c, &change);
     if (dearer > 1 && (double)edges->costs[i] * dearer > (double)threshold) {
         edges->costs[i] *= (float)dearer;
         return false;
     }
     c->error_sum += error;
     c->error_count++;
-    for (int k = 0; k < 3; k++) {
-        to[k] = (double)edges->places[k][i];
-        edge[k] = (double)edges->at[k][i];
-    }
-    const uint32_t kept = choose_kept(c, v, w, to), gone = kept == v ? w : v;
-    move_vertex(c, v, w, kept, edge, to);
-    c->live_faces -= topology_collapse(c, v, &edges->ring, i, &other, gone);
+    const uint32_t kept = choose_kept(c, &change), gone = kept == v ? w : v;
+    move_vertex(c, &change, kept);
+    c->live_faces -= topology_collapse(c, v, &edges->look.ring, i, &other.ring, gone);
+    edge_update_fans(c, &change, kept);
     c->vertices[kept].error = (float)error;
     if (error > c->largest_error)
         c->largest_error = error;
     c->keys[gone] = INFINITY;
-    refresh(c, kept, threshold);
+    refresh_keys(c, &change, kept, threshold);
     return true;
 }
 

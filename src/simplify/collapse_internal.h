@@ -8,14 +8,15 @@
  * Edge k of face f is named by corner 3f+k, where it starts. Invariants between two collapses:
  *   C1  corners[corners[c].opposite].opposite == c; NO_INDEX at the border; edge c and its opposite
  *       run against each other;
- *   C2  vertices[v].corner is a corner of a live face at v; at a border vertex the one whose edge
- * is on the border, so that turning counter-clockwise from it meets all of v's faces; C3  the fan
- * of v is that of its present faces, unless v has more than RING_MAX neighbours; C4  a dead face
- * has vertex NO_INDEX in its corners, a dead vertex corner NO_INDEX.
+ *   C2  vertices[v].corner is a corner of a live face at v; at a border vertex the one whose
+ *       edge is on the border, so that turning counter-clockwise from it meets all of v's faces;
+ *   C3  the fan of v is that of its present faces, but for rounding;
+ *   C4  a dead face has vertex NO_INDEX in its corners, a dead vertex corner NO_INDEX.
  */
 #ifndef SPBM_SIMPLIFY_COLLAPSE_INTERNAL_H
 #define SPBM_SIMPLIFY_COLLAPSE_INTERNAL_H
 
+#include "base/cpu.h"
 #include "geom/quadric.h"
 #include "simplify/collapse.h"
 
@@ -23,7 +24,7 @@
  * thousand faces does not make the work quadratic. */
 enum { RING_MAX = 96, RING_LANES = RING_MAX + 2 * EDGE_LANES };
 
-enum vertex_flag { VERTEX_LOCKED = 1, VERTEX_BORDER = 2, VERTEX_HUB = 4 };
+enum vertex_flag { VERTEX_LOCKED = 1, VERTEX_BORDER = 2 };
 
 struct collapse_corner {
     uint32_t vertex;
@@ -44,6 +45,7 @@ enum guard { GUARD_FULL, GUARD_TURNED, GUARD_NONE };
 
 struct collapse {
     struct context *ctx;
+    enum cpu_level level;
     enum guard guard;
     struct collapse_options options;
     uint64_t vertex_slots, face_slots; /* of the arrays in use, dead ones counted */
@@ -104,34 +106,53 @@ enum status topology_compact(struct collapse *collapse) MUST_CHECK;
 
 /* ---- collapse_cost.c ---- */
 
+/* A vertex, its neighbours relative to it, and the faces between them. */
+struct vertex_look {
+    struct ring ring;
+    float at[3][RING_LANES];      /* neighbours; behind the last the first again, or 0 */
+    float normals[3][RING_LANES]; /* of face i, between neighbours i and i + 1; 0 beyond the last */
+};
+
 /* What is known of all edges at one vertex; positions are relative to it. */
 struct vertex_edges {
-    struct ring ring;
+    struct vertex_look look;
     float reach_square;
-    float costs[RING_LANES];      /* INFINITY: not to be collapsed */
-    float at[3][RING_LANES];      /* neighbours */
-    float normals[3][RING_LANES]; /* of face i, between neighbours i and i + 1 */
-    float places[3][RING_LANES];  /* where the edge's vertex goes */
+    float costs[RING_LANES];     /* INFINITY: not to be collapsed */
+    float places[3][RING_LANES]; /* where the edge's vertex goes */
 };
 
-void fan_compute(struct collapse *collapse, uint32_t v);
-/* Gathers v's ring and the cost and place of each of its edges. */
+/* Gathers v's ring and the faces round it; ring.count is 0 when there are too many. */
+void vertex_look_round(const struct collapse *collapse, uint32_t v, struct vertex_look *look);
+/* The same, and the cost and place of each edge. */
 void vertex_evaluate(const struct collapse *collapse, uint32_t v, struct vertex_edges *edges);
-/* What collapsing an edge does to the surface. */
-struct edge_outcome {
-    /* RMS distance of the new vertex from the planes of the faces (and the lines of the border)
-     * that were there. The error that a collapse leaves is taken to be the larger one of both ends
-     * plus this: measured on bunny, koala, fandisk and a noisy scan, 0.9 to 2 times the true
-     * maximum. (The largest distance instead of the RMS: 2 to 9 times.) */
-    double deviation;
-    /* Distance of the new vertex from the faces that were there: at a sharp ridge or tip it can
-     * be far from them and yet near to their planes. */
-    double overshoot;
+/* The border edges at both ends of an edge, relative to v. */
+void border_edges_sum(const struct collapse *collapse, uint32_t v, uint32_t w,
+                      struct border_sum *sum);
+
+/* ---- collapse_shape.c ---- */
+
+/* An edge that is about to be collapsed: v and its i-th neighbour w, into one vertex at `to`. */
+struct edge_change {
+    uint32_t v, w;
+    uint32_t place[2];                  /* of w in v's ring, of v in w's */
+    const struct vertex_look *looks[2]; /* v's, w's */
+    float to[2][3];                     /* relative to v, to w */
+    float turned[2][3][RING_LANES]; /* normals of the faces at v, at w, afterwards; 0: face gone */
 };
 
-/* Flip and sliver guards for collapsing edge i; *outcome is filled when they allow it. */
-bool edge_shape_allows(const struct collapse *collapse, uint32_t v,
-                       const struct vertex_edges *edges, uint32_t i, const struct ring *ring_other,
-                       struct edge_outcome *outcome);
+/* Guards against faces that turn over or become slivers. When they allow it, *deviation is the
+ * RMS distance of the new vertex from the planes of the faces (and the lines of the border) that
+ * were there. The error that a collapse leaves is taken to be the larger one of both ends plus
+ * this: measured on bunny, koala, fandisk and a noisy scan, 0.9 to 2 times the true maximum. (The
+ * largest distance instead of the RMS: 2 to 9 times.) */
+bool edge_shape_allows(const struct collapse *collapse, struct edge_change *change,
+                       double *deviation);
+/* Distance of the new vertex from the faces that were there: at a sharp ridge or tip it can be far
+ * from them and yet near to their planes. `enough`: smaller ones need not be exact. */
+double edge_overshoot(const struct edge_change *change, double enough);
+/* Brings the fans of the new vertex `kept` and of its neighbours up to date. */
+void edge_update_fans(struct collapse *collapse, const struct edge_change *change, uint32_t kept);
+/* Makes the fans of all vertices. */
+void fans_build(struct collapse *collapse);
 
 #endif
