@@ -72,7 +72,6 @@ static enum status take_faces(struct check *check)
     struct spool spool;
     spool_init(check->ctx, &spool, check->draft.beside, check->draft.spool_limit);
     enum status status = STATUS_OK;
-    uint32_t next = 0;
     for (uint32_t i = 0; i < check->info->slab_count && status == STATUS_OK; i++) {
         struct slab slab;
         status = step(check->ctx, "check: read", i, check->info->slab_count);
@@ -82,14 +81,6 @@ static enum status take_faces(struct check *check)
             break;
         if (!gaps_are_zero(&slab, check->info))
             status = store_slab_damaged(check->store, i, "padding is not zero");
-        for (size_t c = 0; c < 3 * (size_t)slab.face_count && status == STATUS_OK; c++) {
-            if (slab.faces[c] > next)
-                status =
-                    store_slab_damaged(check->store, i, "vertices are not numbered by first use");
-            next += slab.faces[c] == next;
-        }
-        if (status == STATUS_OK && next != slab.vertex_end)
-            status = store_slab_damaged(check->store, i, "its own vertices are not all used");
         if (status == STATUS_OK)
             status = spool_append(&spool, slab.faces, 12 * (size_t)slab.face_count);
         slab_close(&slab);

@@ -4,6 +4,7 @@
  * float32 goes out as float32, bit for bit.
  */
 #include "mesh/export.h"
+#include "mesh/slab_judge.h"
 #include "mesh/store_internal.h"
 
 enum { BATCH = 4096 };
@@ -26,6 +27,17 @@ static enum status export_slab_vertices(struct exporter *exporter, const struct 
     return status;
 }
 
+/* What is written here is not looked at by a later stage, as chains are. */
+static enum status export_slab_faces(struct exporter *exporter, struct store *store,
+                                     const struct slab *slab)
+{
+    const char *wrong;
+    enum status status = slab_judge_stars(store_context(store), slab, &wrong);
+    if (status == STATUS_OK && wrong)
+        status = store_slab_damaged(store, slab->index, wrong);
+    return status == STATUS_OK ? export_faces(exporter, slab->face_count, slab->faces) : status;
+}
+
 static enum status export_slabs(struct context *ctx, struct store *store, struct exporter *exporter,
                                 bool faces)
 {
@@ -39,8 +51,10 @@ static enum status export_slabs(struct context *ctx, struct store *store, struct
             status = slab_open(store, i, &slab);
         if (status != STATUS_OK)
             break;
-        status = faces ? export_faces(exporter, slab.face_count, slab.faces)
-                       : export_slab_vertices(exporter, info, &slab);
+        if (faces)
+            status = export_slab_faces(exporter, store, &slab);
+        else
+            status = export_slab_vertices(exporter, info, &slab);
         slab_close(&slab);
     }
     return status;

@@ -3,8 +3,9 @@
  *
  * Nothing in the file is believed before it is checked. Opening checks what is small: info,
  * attributes, the slab table, each of whose offsets has one possible value. A slab is checked when
- * it is first opened: its CRC, if asked for, and always every index that it hands out, so that a
- * later stage can't be led out of bounds by a file that somebody made with care.
+ * it is first opened: its CRC, if asked for, and always what slab_judge asks of it, so that a later
+ * stage can't be led out of bounds, or round a surface that has no sides, by a file that somebody
+ * made with care.
  */
 #include "mesh/store_internal.h"
 
@@ -15,6 +16,7 @@
 #include "base/checksum.h"
 #include "base/memory.h"
 #include "mesh/draft.h"
+#include "mesh/slab_judge.h"
 #include "mesh/store_layout.h"
 
 struct store {
@@ -25,6 +27,8 @@ struct store {
     const struct section *slabs;
     struct slab_entry *entries;
     _Atomic uint8_t *is_checked; /* a slab */
+    _Atomic uint32_t checked_count;
+    _Atomic uint64_t seams; /* the sum of what slab_judge gives */
 };
 
 enum status store_damaged(const struct store *store, const char *what)
@@ -212,68 +216,15 @@ struct section_reader *store_reader(struct store *store)
 
 /* ---- a slab ---- */
 
-static bool foreign_has(const struct slab *slab, uint32_t vertex)
+/* When the last slab is seen, nothing may be left of what the slabs say of their common edges. */
+static enum status settle_seams(struct store *store, uint64_t seams)
 {
-    if (slab->foreign_count == 0)
-        return false;
-    return slab->foreign[foreign_rank(slab->foreign, slab->foreign_count, vertex)] == vertex;
-}
-
-static const char *judge_vertices(const struct slab *slab)
-{
-    for (uint32_t i = 0; i < slab->foreign_count; i++) {
-        if (slab->foreign[i] >= slab->vertex_first ||
-            (i && slab->foreign[i] <= slab->foreign[i - 1]))
-            return "the foreign vertices are not in order";
-    }
-    const uint32_t first = slab->vertex_first, own = slab->vertex_end - slab->vertex_first;
-    const size_t corners = 3 * (size_t)slab->face_count;
-    for (size_t i = 0; i < corners; i++) {
-        if (slab->faces[i] - first >= own && !foreign_has(slab, slab->faces[i]))
-            return "a face names a vertex that the slab does not have";
-    }
-    for (size_t i = 0; i < corners; i += 3) {
-        const uint32_t *face = slab->faces + i;
-        if (face[0] == face[1] || face[1] == face[2] || face[2] == face[0])
-            return "a face names a vertex twice";
-    }
-    return NULL;
-}
-
-/* No infinity, no NaN. */
-static bool is_finite(const float *values, size_t count)
-{
-    bool all = true;
-    for (size_t i = 0; i < count; i++) {
-        uint32_t bits;
-        memcpy(&bits, &values[i], sizeof bits);
-        all &= (bits & 0x7f800000) != 0x7f800000;
-    }
-    return all;
-}
-
-/* Neighbours exist, and those within the slab agree on the edge. */
-static const char *judge_neighbours(const struct slab *slab, uint64_t face_count)
-{
-    for (uint32_t f = 0; f < slab->face_count; f++) {
-        const uint32_t *over = slab->neighbours + 3 * (size_t)f;
-        if (slab->mates[f] >> 6)
-            return "a face's mates have bits that are not zero";
-        for (unsigned k = 0; k < 3; k++) {
-            unsigned mate = mate_of(slab->mates, f, k);
-            if (over[k] == NO_INDEX && mate == 0)
-                continue;
-            if (over[k] >= face_count || mate == 3)
-                return "a face has an impossible neighbour";
-            uint32_t there = over[k] - slab->face_first;
-            if (there >= slab->face_count)
-                continue;
-            if (slab->neighbours[3 * (size_t)there + mate] != slab->face_first + f ||
-                mate_of(slab->mates, there, mate) != k)
-                return "two neighbours do not agree";
-        }
-    }
-    return NULL;
+    atomic_fetch_add_explicit(&store->seams, seams, memory_order_relaxed);
+    uint32_t done = 1 + atomic_fetch_add_explicit(&store->checked_count, 1, memory_order_acq_rel);
+    if (done == store->info.slab_count &&
+        atomic_load_explicit(&store->seams, memory_order_relaxed) != 0)
+        return store_damaged(store, "slabs do not agree on the edges between them");
+    return STATUS_OK;
 }
 
 static enum status check_slab(struct store *store, const struct slab *slab)
@@ -284,17 +235,13 @@ static enum status check_slab(struct store *store, const struct slab *slab)
     if (store->verify &&
         !checksum_agrees(checksum(0, window->data, window->size), store->entries[slab->index].crc))
         return store_slab_damaged(store, slab->index, "its checksum is wrong");
-    const char *wrong = judge_vertices(slab);
-    if (!wrong &&
-        (!is_finite(slab->positions, 3 * (size_t)(slab->vertex_end - slab->vertex_first)) ||
-         !is_finite(slab->foreign_positions, 3 * (size_t)slab->foreign_count)))
-        wrong = "a coordinate is not finite";
-    if (!wrong)
-        wrong = judge_neighbours(slab, store->info.topology.faces);
+    uint64_t seams;
+    const char *wrong = slab_judge(slab, store->info.topology.faces, &seams);
     if (wrong)
         return store_slab_damaged(store, slab->index, wrong);
-    atomic_store_explicit(&store->is_checked[slab->index], 1, memory_order_release);
-    return STATUS_OK;
+    if (atomic_exchange_explicit(&store->is_checked[slab->index], 1, memory_order_acq_rel))
+        return STATUS_OK; /* another thread was at it too */
+    return settle_seams(store, seams);
 }
 
 enum status slab_open(struct store *store, uint32_t index, struct slab *slab)

@@ -33,6 +33,7 @@ struct check {
     struct sorter *copies;
     struct sorter *uses;
     struct chain_info sums; /* the counts, found again */
+    uint64_t edges;         /* between neighbouring vertices of chains */
 };
 
 static enum status wrong(const struct check *check, const char *what)
@@ -122,6 +123,10 @@ static enum status check_block(struct check *check, uint32_t slab)
         return status;
     for (uint32_t i = 0; i < block.chain_count; i++)
         interiors += block.chains[i].interior_count;
+    for (uint32_t i = 0; i < block.seam_chain_count; i++)
+        if (block.slab < block.seam_chains[i].other_slab)
+            check->edges += block.seam_chains[i].vertex_count - 1;
+    check->edges += interiors + block.chain_count;
     for (uint32_t p = 0; p < block.patch_count;
          p++) /* a reader of the block takes these on trust */
         if (block.patches[p].interior_count == 0 && block.patches[p].deviation != 0)
@@ -197,6 +202,9 @@ static enum status compare_counts(const struct check *check)
         info->seam_chains != sums->seam_chains || info->junctions != sums->junctions ||
         info->chain_vertices != sums->chain_vertices || info->most_faces != sums->most_faces)
         return wrong(check, "the counts in its info are not those of its blocks");
+    /* Patches are disks: cut along the chains, the surface has its Euler characteristic still. */
+    if ((int64_t)(sums->chain_vertices - check->edges + sums->patches) != info->topology.euler)
+        return wrong(check, "its chains and patches make another surface than its info says");
     return STATUS_OK;
 }
 
