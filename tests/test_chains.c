@@ -38,6 +38,11 @@ static void fill_info(struct chain_set *set)
     struct chain_info *info = &set->info;
     info->topology.vertices = slabs->vertex_count;
     info->topology.faces = slabs->face_count;
+    for (size_t c = 0; c < 3 * (size_t)slabs->face_count;
+         c++) /* an edge counts at its lower face */
+        info->topology.edges += slabs->neighbours[c] > c / 3;
+    info->topology.euler = (int64_t)info->topology.vertices - (int64_t)info->topology.edges +
+                           (int64_t)info->topology.faces;
     info->slab_count = slabs->slab_count;
     info->is_float32 = true;
     info->options = set->options;

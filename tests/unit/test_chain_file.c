@@ -538,6 +538,11 @@ static void check_compares_blocks_and_counts(void **unused)
         assert_non_null(strstr(error, "count"));
         *counts[i] += 1;
     }
+    fixture.set.info.topology.euler -= 2;
+    write_forged(&fixture, 0, NULL, 0, &fixture.set.info);
+    assert_int_equal(check(fixture.path, error, sizeof error), STATUS_BAD_INPUT);
+    assert_non_null(strstr(error, "another surface"));
+    fixture.set.info.topology.euler += 2;
     write_forged(&fixture, 0, NULL, 0, &fixture.set.info);
     must(check(fixture.path, error, sizeof error));
     end(&fixture);

@@ -262,7 +262,8 @@ static void each_field_is_believed_only_when_it_fits(void **state)
     lie(&good, slabs, 0, 4, 29, "does not have");
     lie(&good, slabs, 0, 4, 0xffffffff, "does not have");
     lie(&good, slabs, 0, 4, 2, "");
-    lie(&good, slabs, 4, 4, 0, "twice");
+    lie(&good, slabs, 4, 4, 2, "first use");
+    lie(&good, slabs, 16, 4, 0, "twice");
     lie(&good, slabs, layout.neighbours, 4, 40, "neighbour");
     lie(&good, slabs, layout.neighbours, 4, 5, "");
     lie(&good, slabs, layout.mates, 1, 0xc0, "bits that are not zero");
