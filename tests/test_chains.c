@@ -61,6 +61,27 @@ static void count_block(struct chain_info *info, const struct chain_block *block
     info->most_faces += counts->most_faces;
 }
 
+static void copy_array(struct context *ctx, void *to, const void *from, size_t count, size_t size)
+{
+    void *copy;
+    must(memory_take(ctx, count, size, &copy));
+    if (count)
+        memcpy(copy, from, count * size);
+    memcpy(to, &copy, sizeof copy);
+}
+
+/* A block with arrays of its own, as chain_block_read gives them. */
+static void copy_block(struct context *ctx, const struct chain_block *from, struct chain_block *to)
+{
+    *to = *from;
+    copy_array(ctx, &to->positions, from->positions, from->vertex_count, 3 * sizeof(float));
+    copy_array(ctx, &to->seam_vertices, from->seam_vertices, from->seam_vertex_count,
+               sizeof(uint32_t));
+    copy_array(ctx, &to->chains, from->chains, from->chain_count, sizeof *from->chains);
+    copy_array(ctx, &to->patches, from->patches, from->patch_count, sizeof *from->patches);
+    copy_array(ctx, &to->diagonals, from->diagonals, from->diagonal_count, 2 * sizeof(uint32_t));
+}
+
 void chain_set_build(struct context *ctx, const struct slab_set *slabs,
                      const struct patch_options *options, struct chain_set *set)
 {
@@ -82,10 +103,13 @@ void chain_set_build(struct context *ctx, const struct slab_set *slabs,
         struct slab_seams seams;
         struct trace_counts counts;
         set->labels[i] = take(slab->face_count, sizeof **set->labels);
-        must(patch_grow(ctx, slab, options, &space, set->labels[i], &set->patch_counts[i]));
-        must(chain_trace(ctx, NULL, 0, slab, &space, set->labels[i], set->patch_counts[i], &scratch,
-                         &set->blocks[i], &seams, &counts));
-        must(seam_join_add(join, &set->blocks[i], &seams));
+        struct chain_block block;
+        must(patch_growth_begin(ctx, slab, options, &space));
+        must(chain_trace(ctx, NULL, 0, slab, &space, &scratch, &block, &seams, &counts));
+        memcpy(set->labels[i], space.labels, slab->face_count * sizeof **set->labels);
+        set->patch_counts[i] = block.patch_count;
+        copy_block(ctx, &block, &set->blocks[i]);
+        must(seam_join_add(join, &seams));
         count_block(&set->info, &set->blocks[i], &counts);
         slab_seams_clear(ctx, &seams);
     }

@@ -21,15 +21,12 @@ enum { SEAM_LIMIT_MAX = 64 << 20, SEAM_LIMIT_MIN = 1 << 20 };
 struct worker {
     struct patch_workspace grow;
     struct trace_workspace trace;
-    uint32_t *labels;
-    size_t label_capacity;
 };
 
-/* What a job hands to its finish; the block is kept for its seam vertices. */
+/* What a job hands to its finish. */
 struct result {
-    struct chain_block block;
     struct slab_seams seams;
-    struct trace_counts counts;
+    struct chain_info counts; /* those of the block */
     unsigned char *packed;
     size_t packed_size;
 };
@@ -52,23 +49,31 @@ struct build {
 
 /* ---- one slab ---- */
 
+static void count_block(struct chain_info *info, const struct chain_block *block,
+                        const struct trace_counts *counts)
+{
+    info->patches = block->patch_count;
+    info->chains = block->chain_count;
+    info->junctions = block->junction_count;
+    info->chain_vertices = block->junction_count + counts->chain_interiors;
+    info->most_faces = counts->most_faces;
+}
+
 static enum status make_block(struct build *build, const struct slab *slab, struct worker *worker,
                               struct result *result)
 {
     struct context *ctx = build->ctx;
-    enum status status = memory_reserve(ctx, &worker->labels, &worker->label_capacity,
-                                        slab->face_count, sizeof *worker->labels);
-    uint32_t patch_count = 0;
+    struct chain_block block;
+    struct trace_counts counts;
+    enum status status = patch_growth_begin(ctx, slab, &build->options, &worker->grow);
     if (!status)
-        status =
-            patch_grow(ctx, slab, &build->options, &worker->grow, worker->labels, &patch_count);
+        status = chain_trace(ctx, build->store, build->stride, slab, &worker->grow, &worker->trace,
+                             &block, &result->seams, &counts);
     if (!status)
-        status = chain_trace(ctx, build->store, build->stride, slab, &worker->grow, worker->labels,
-                             patch_count, &worker->trace, &result->block, &result->seams,
-                             &result->counts);
-    if (!status)
-        status = chain_block_pack(ctx, &result->block, build->stride, build->level, &result->packed,
+        status = chain_block_pack(ctx, &block, build->stride, build->level, &result->packed,
                                   &result->packed_size);
+    if (!status)
+        count_block(&result->counts, &block, &counts);
     return status;
 }
 
@@ -86,23 +91,18 @@ static enum status work(void *user, uint64_t job, unsigned worker)
 
 static void clear_result(struct build *build, struct result *result)
 {
-    chain_block_clear(build->ctx, build->stride, &result->block);
     slab_seams_clear(build->ctx, &result->seams);
     memory_release(build->ctx, &result->packed, result->packed_size, 1);
     memset(result, 0, sizeof *result);
 }
 
-static void count_block(struct chain_info *info, const struct result *result)
+static void add_counts(struct chain_info *info, const struct chain_info *counts)
 {
-    const struct chain_block *block = &result->block;
-    uint64_t interiors = 0;
-    for (uint32_t i = 0; i < block->chain_count; i++)
-        interiors += block->chains[i].interior_count;
-    info->patches += block->patch_count;
-    info->chains += block->chain_count;
-    info->junctions += block->junction_count;
-    info->chain_vertices += block->junction_count + interiors;
-    info->most_faces += result->counts.most_faces;
+    info->patches += counts->patches;
+    info->chains += counts->chains;
+    info->junctions += counts->junctions;
+    info->chain_vertices += counts->chain_vertices;
+    info->most_faces += counts->most_faces;
 }
 
 static enum status finish(void *user, uint64_t job)
@@ -111,8 +111,8 @@ static enum status finish(void *user, uint64_t job)
     struct result *result = &build->results[job % build->in_flight];
     enum status status = chain_writer_block(build->writer, result->packed, result->packed_size);
     if (!status)
-        status = seam_join_add(build->join, &result->block, &result->seams);
-    count_block(&build->info, result);
+        status = seam_join_add(build->join, &result->seams);
+    add_counts(&build->info, &result->counts);
     clear_result(build, result);
     return status ? status : step(build->ctx, "patchify", job + 1, build->slab_count);
 }
@@ -230,7 +230,6 @@ static void release_workers(struct build *build)
         struct worker *worker = &build->workers[i];
         patch_workspace_clear(ctx, &worker->grow);
         trace_workspace_clear(ctx, &worker->trace);
-        memory_release(ctx, &worker->labels, worker->label_capacity, sizeof *worker->labels);
     }
     for (unsigned i = 0; build->results && i < build->in_flight; i++)
         clear_result(build, &build->results[i]);

@@ -176,8 +176,9 @@ static enum status put_chains(struct context *ctx, struct sink *sink,
     uint32_t left = 0, interior = block->junction_count + block->seam_vertex_count;
     for (uint32_t i = 0; i < block->chain_count; i++) {
         const struct chain *chain = block->chains + i;
-        bool fits =
-            chain->left >= left && chain->right > chain->left && chain->interior_first == interior;
+        bool fits = chain->left >= left &&
+                    (chain->right < chain->left || chain->right == NO_PATCH) &&
+                    chain->interior_first == interior;
         if (!fits)
             return fail(ctx, STATUS_INTERNAL, "chain %u of block %u is out of order", i,
                         block->slab);
@@ -187,7 +188,7 @@ static enum status put_chains(struct context *ctx, struct sink *sink,
     }
     for (uint32_t i = 0; i < block->chain_count; i++) {
         const struct chain *chain = block->chains + i;
-        put(sink, chain->right == NO_PATCH ? 0 : chain->right - chain->left);
+        put(sink, chain->right == NO_PATCH ? 0 : chain->left - chain->right);
     }
     for (uint32_t i = 0; i < block->chain_count; i++)
         put(sink, block->chains[i].interior_count);
@@ -222,9 +223,9 @@ static const char *get_chains(struct source *source, struct chain_block *block,
     for (uint32_t i = 0; i < block->chain_count; i++) {
         struct chain *chain = block->chains + i;
         uint32_t difference = get(source);
-        if (source->is_bad || difference >= block->patch_count - chain->left)
+        if (source->is_bad || difference > chain->left)
             return "a chain's right patch is out of range";
-        chain->right = difference ? chain->left + difference : NO_PATCH;
+        chain->right = difference ? chain->left - difference : NO_PATCH;
     }
     uint32_t first = block->junction_count + block->seam_vertex_count, sum = 0;
     for (uint32_t i = 0; i < block->chain_count; i++) {

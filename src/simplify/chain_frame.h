@@ -10,7 +10,7 @@
 
 #define CHAIN_MAGIC "spbmCHN1"
 
-enum { CHAIN_VERSION = 1 };
+enum { CHAIN_VERSION = 2 };
 
 #define CHAIN_SECTION_BLOCKS FOURCC('B', 'L', 'K', 'S')
 #define CHAIN_SECTION_SEAMS FOURCC('S', 'E', 'A', 'M')

@@ -1,17 +1,23 @@
 /*
  * A boundary edge lies between faces of different patches, or at the mesh border. The naive way to
- * chains collects all boundary edges in a hash map from vertex to edges and follows it. Here each
- * patch's loop is walked once over the adjacency, from face to face round each boundary vertex,
- * with nothing but the labels and one byte a vertex that says how many boundary edges meet there.
+ * chains collects all boundary edges in a hash map from vertex to edges and follows it, once all
+ * patches are there. But a patch's boundary can be cut into chains as soon as the patch is grown,
+ * while its faces are still at hand: each chain is added by the later of its two patches.
  *
- * Chains end at junctions: vertices where other than two boundary edges meet. A slab sees this for
- * the vertices inside it. A vertex that another slab touches, too, always lies on an edge between
- * the two (the faces round it form one fan); if any boundary edge inside this slab ends there, at
- * least three meet: a closed fan changes its slab at least twice, and an open one has two border
- * edges and changes once. So chains inside a slab always end at its seam vertices, without asking.
+ * Chains end at junctions: vertices where other than two boundary edges meet. On a patch's boundary
+ * these are the vertices where what lies over the edges changes, and the slab's seam vertices; no
+ * degrees need counting:
+ *   - Let the edges before and after vertex v both lie against patch Q. Q's boundary passes v at
+ *     most once, so its faces round v hang together and reach from one of the two edges to the
+ *     other: nothing else is at v. The same holds for the mesh border.
+ *   - A vertex that another slab touches, too, always lies on an edge between the two (the faces
+ *     round it form one fan). If any boundary edge inside this slab ends there, at least three
+ *     meet: a closed fan changes its slab at least twice, and an open one has two border edges and
+ *     changes once. So chains inside a slab always end at its seam vertices, without asking.
+ *   - Edges against free faces may be parts of several chains; the later patches see to them.
  *
  * A chain never comes back to the junction it began at: both its patches have just these two edges
- * there (their boundaries pass no vertex twice), so that no third edge could end there.
+ * there, so that no third edge could end there.
  */
 #include "simplify/trace_internal.h"
 
@@ -19,353 +25,406 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "simplify/chain_file.h"
 #include "simplify/face_normals.h"
-
-#define OVER_SEAM (UINT32_MAX - 1) /* in loop_others: a face of another slab */
+#include "simplify/unit_code.h"
 
 /* The longest boundary that a disk of PATCH_FACES_MAX faces can have; and room to have it twice, so
  * that pieces of it never wrap round. */
-enum { LOOP_MAX = PATCH_FACES_MAX + 2, LOOP_SPACE = 2 * (LOOP_MAX + 1) };
+enum { LOOP_MAX = PATCH_FACES_MAX + 2, LOOP_SPACE = 2 * LOOP_MAX };
+
+/* A patch is flat to rounding when its normal's square is below this part of the fourth power of
+ * its boundary's length: it is as good as closed, or of no area. */
+static const double no_normal = 1e-28;
 
 enum status trace_fail(const struct trace *trace, const char *what)
 {
     return fail(trace->ctx, STATUS_BAD_INPUT, "mesh store: slab %u: %s", trace->slab->index, what);
 }
 
-/* ---- scratch ---- */
+/* One patch's boundary in order, from its first edge to its last and then all again. */
+struct loop {
+    uint32_t *vertices; /* where each edge starts */
+    uint32_t *others;   /* what lies over it */
+    uint32_t count;
+};
 
-static enum status reserve(struct context *ctx, struct trace_workspace *scratch, size_t vertices,
-                           size_t patches)
-{
-    enum status status = STATUS_OK;
-    if (!scratch->loop_vertices)
-        status = memory_take(ctx, LOOP_SPACE, sizeof(uint32_t), &scratch->loop_vertices);
-    if (!status && !scratch->loop_others)
-        status = memory_take(ctx, LOOP_SPACE, sizeof(uint32_t), &scratch->loop_others);
-    if (!status && (vertices > scratch->vertex_capacity || !scratch->kinds)) {
-        size_t old = scratch->vertex_capacity;
-        memory_release(ctx, &scratch->kinds, old, 1);
-        memory_release(ctx, &scratch->numbers, old, sizeof(uint32_t));
-        scratch->vertex_capacity = vertices;
-        status = memory_take(ctx, vertices, 1, &scratch->kinds);
-        if (!status)
-            status = memory_take(ctx, vertices, sizeof(uint32_t), &scratch->numbers);
-    }
-    if (!status)
-        status = memory_reserve(ctx, &scratch->sums, &scratch->patch_capacity, patches,
-                                sizeof *scratch->sums);
-    return status;
-}
+/* ---- scratch ---- */
 
 void trace_workspace_clear(struct context *ctx, struct trace_workspace *scratch)
 {
-    memory_release(ctx, &scratch->kinds, scratch->vertex_capacity, 1);
-    memory_release(ctx, &scratch->numbers, scratch->vertex_capacity, sizeof(uint32_t));
-    memory_release(ctx, &scratch->sums, scratch->patch_capacity, sizeof *scratch->sums);
-    memory_release(ctx, &scratch->loop_vertices, LOOP_SPACE, sizeof(uint32_t));
-    memory_release(ctx, &scratch->loop_others, LOOP_SPACE, sizeof(uint32_t));
+    memory_release(ctx, &scratch->codes, scratch->code_capacity, sizeof(uint32_t));
+    memory_release(ctx, &scratch->edges, scratch->edge_capacity, sizeof(uint32_t));
+    memory_release(ctx, &scratch->loop, 2 * LOOP_SPACE, sizeof(uint32_t));
     memory_release(ctx, &scratch->chains, scratch->chain_capacity, sizeof *scratch->chains);
+    memory_release(ctx, &scratch->junctions, scratch->junction_capacity, sizeof(uint32_t));
     memory_release(ctx, &scratch->interiors, scratch->interior_capacity, sizeof(uint32_t));
+    memory_release(ctx, &scratch->patch_interiors, scratch->patch_interior_capacity,
+                   sizeof(uint32_t));
+    memory_release(ctx, &scratch->patches, scratch->patch_capacity, sizeof *scratch->patches);
+    memory_release(ctx, &scratch->diagonals, scratch->diagonal_capacity, 2 * sizeof(uint32_t));
     memory_release(ctx, &scratch->seam_edges, scratch->seam_edge_capacity,
                    sizeof *scratch->seam_edges);
+    memory_release(ctx, &scratch->seam_vertices, scratch->seam_vertex_capacity, sizeof(uint32_t));
+    memory_release(ctx, &scratch->positions, scratch->position_capacity, 3 * sizeof(float));
+    memory_release(ctx, &scratch->records, scratch->record_capacity, 1);
     memset(scratch, 0, sizeof *scratch);
 }
 
 void slab_seams_clear(struct context *ctx, struct slab_seams *seams)
 {
+    memory_release(ctx, &seams->vertices, seams->vertex_count, sizeof *seams->vertices);
+    memory_release(ctx, &seams->positions, seams->vertex_count, 3 * sizeof *seams->positions);
     memory_release(ctx, &seams->edges, seams->edge_count, sizeof *seams->edges);
     memory_release(ctx, &seams->junctions, seams->junction_count, sizeof *seams->junctions);
     memset(seams, 0, sizeof *seams);
 }
 
-/* ---- all faces once: degrees, seams, sums ---- */
-
-static inline void count_edge(uint8_t *kind)
-{
-    *kind = (uint8_t)(*kind + ((*kind & KIND_DEGREE) < 3));
-}
-
-static void add_face(struct patch_sum *sum, const struct slab_local *local, size_t face)
-{
-    const uint32_t *corner = local->corners + 3 * face;
-    const float *a = local->positions + 3 * (size_t)corner[0];
-    const float *b = local->positions + 3 * (size_t)corner[1];
-    const float *c = local->positions + 3 * (size_t)corner[2];
-    double ux = (double)b[0] - a[0], uy = (double)b[1] - a[1], uz = (double)b[2] - a[2];
-    double vx = (double)c[0] - a[0], vy = (double)c[1] - a[1], vz = (double)c[2] - a[2];
-    double x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
-    sum->normal[0] += x;
-    sum->normal[1] += y;
-    sum->normal[2] += z;
-    sum->area += sqrt(x * x + y * y + z * z);
-}
-
-/* An edge between two patches is counted from both sides, each time at the vertex where it starts
- * there; a border edge is seen once and counted at both ends. */
-static void scan_faces(struct trace *trace)
-{
-    const struct slab_local *local = trace->local;
-    struct patch_sum *sums = trace->scratch->sums;
-    uint8_t *kinds = trace->scratch->kinds;
-    memset(sums, 0, trace->patch_count * sizeof *sums);
-    for (uint32_t p = 0; p < trace->patch_count; p++)
-        sums[p].first_face = sums[p].first_edge = NO_INDEX;
-    memset(kinds, 0, local->own_count);
-    memset(kinds + local->own_count, KIND_SEAM, local->vertex_count - local->own_count);
-
-    for (uint32_t f = 0; f < local->face_count; f++) {
-        uint32_t patch = trace->labels[f];
-        struct patch_sum *sum = sums + patch;
-        add_face(sum, local, f);
-        if (sum->first_face == NO_INDEX)
-            sum->first_face = f;
-        for (unsigned k = 0; k < 3; k++) {
-            uint32_t link = local->links[3 * (size_t)f + k];
-            if (link_is_face(link) && trace->labels[link >> 2] == patch)
-                continue;
-            uint8_t *start = kinds + local->corners[3 * (size_t)f + k];
-            uint8_t *end = kinds + local->corners[3 * (size_t)f + next3(k)];
-            if (link == LINK_SEAM) {
-                *start |= KIND_SEAM;
-                *end |= KIND_SEAM;
-            } else {
-                count_edge(start);
-                if (link == LINK_BORDER)
-                    count_edge(end);
-            }
-            if (sum->first_edge == NO_INDEX)
-                sum->first_edge = f << 2 | k;
-        }
-    }
-}
-
-/* Numbers the seam vertices in the order of their store numbers: foreign ones below the slab's
- * range, its own, foreign ones above it. */
-static void number_seam_vertices(struct trace *trace)
-{
-    const struct slab_local *local = trace->local;
-    uint32_t *numbers = trace->scratch->numbers;
-    uint32_t foreign = local->own_count, next = 0;
-    while (foreign < local->vertex_count &&
-           local_vertex_number(local, foreign) < local->vertex_first)
-        numbers[foreign++] = next++;
-    for (uint32_t v = 0; v < local->own_count; v++)
-        if (trace->scratch->kinds[v] & KIND_SEAM)
-            numbers[v] = next++;
-    while (foreign < local->vertex_count)
-        numbers[foreign++] = next++;
-    trace->seam_vertex_count = next;
-}
-
-/* ---- one patch's loop ---- */
-
-/* Walks the boundary of a patch with the patch on the left: loop_vertices, loop_others, each twice
- * over. */
-static enum status walk_loop(struct trace *trace, uint32_t patch, uint32_t *count)
-{
-    const struct slab_local *local = trace->local;
-    uint32_t first = trace->scratch->sums[patch].first_edge;
-    uint32_t length = 0, steps = 0;
-    *count = 0;
-    if (first == NO_INDEX)
-        return trace_fail(trace, "a patch without a boundary");
-    uint32_t face = first >> 2;
-    unsigned k = first & 3;
-    do {
-        uint32_t link = local->links[3 * (size_t)face + k];
-        if (length > LOOP_MAX)
-            return trace_fail(trace, "the boundary of a patch does not close");
-        trace->scratch->loop_vertices[length] = local->corners[3 * (size_t)face + k];
-        trace->scratch->loop_others[length++] = link == LINK_BORDER ? NO_PATCH
-                                                : link == LINK_SEAM ? OVER_SEAM
-                                                                    : trace->labels[link >> 2];
-        /* Round the edge's end, through the patch's faces, to the next boundary edge. Each step is
-         * another corner of the patch. */
-        k = next3(k);
-        for (;;) {
-            link = local->links[3 * (size_t)face + k];
-            if (!link_is_face(link) || trace->labels[link >> 2] != patch)
-                break;
-            if (++steps > 3 * PATCH_FACES_MAX)
-                return trace_fail(trace, "the faces of a patch form no fan round a vertex");
-            face = link >> 2;
-            k = next3(link & 3);
-        }
-    } while ((face << 2 | k) != first);
-    if (length < 3)
-        return trace_fail(trace, "the boundary of a patch has fewer than three edges");
-    memcpy(trace->scratch->loop_vertices + length, trace->scratch->loop_vertices,
-           length * sizeof(uint32_t));
-    memcpy(trace->scratch->loop_others + length, trace->scratch->loop_others,
-           length * sizeof(uint32_t));
-    *count = length;
-    return STATUS_OK;
-}
-
-static bool is_break(const struct trace *trace, uint32_t vertex)
-{
-    unsigned kind = trace->scratch->kinds[vertex];
-    return (kind & KIND_SEAM) || (kind & KIND_DEGREE) != 2;
-}
-
-/* The vertex gets a number among the junctions when it has none yet; seam vertices have theirs. */
-static void mark_junction(struct trace *trace, uint32_t vertex)
-{
-    uint8_t *kind = trace->scratch->kinds + vertex;
-    if (*kind & KIND_SEAM) {
-        trace->touched_count += !(*kind & KIND_TOUCHED);
-        *kind |= KIND_TOUCHED;
-    } else if (!(*kind & KIND_JUNCTION)) {
-        *kind |= KIND_JUNCTION;
-        trace->scratch->numbers[vertex] = trace->junction_count++;
-    }
-}
-
-/* Makes room for whatever a loop of `count` edges can add. */
-static enum status reserve_loop(struct trace *trace, uint32_t count)
+static enum status reserve(struct trace *trace)
 {
     struct context *ctx = trace->ctx;
     struct trace_workspace *scratch = trace->scratch;
-    enum status status = memory_reserve(ctx, &scratch->chains, &scratch->chain_capacity,
-                                        trace->chain_count + count, sizeof *scratch->chains);
+    const size_t vertices = trace->local->vertex_count;
+    enum status status = STATUS_OK;
+    if (!scratch->loop)
+        status = memory_take(ctx, 2 * LOOP_SPACE, sizeof(uint32_t), &scratch->loop);
     if (!status)
-        status = memory_reserve(ctx, &scratch->interiors, &scratch->interior_capacity,
-                                trace->interior_count + count, sizeof *scratch->interiors);
+        status = memory_reserve(ctx, &scratch->codes, &scratch->code_capacity, vertices,
+                                sizeof *scratch->codes);
     if (!status)
-        status = memory_reserve(ctx, &scratch->seam_edges, &scratch->seam_edge_capacity,
-                                trace->seam_edge_count + count, sizeof *scratch->seam_edges);
+        status = memory_reserve(ctx, &scratch->edges, &scratch->edge_capacity, vertices,
+                                sizeof *scratch->edges);
+    if (!status && vertices)
+        memset(scratch->edges, 0, vertices * sizeof *scratch->edges);
     return status;
 }
 
-/* Adds the chain over the loop's edges [from, from + edges). */
-static void add_chain(struct trace *trace, uint32_t patch, uint32_t from, uint32_t edges)
+/* Makes room for whatever a patch can add: rarely more than a few comparisons. */
+static enum status reserve_patch(struct trace *trace, const struct grown_patch *patch)
 {
+    struct context *ctx = trace->ctx;
     struct trace_workspace *scratch = trace->scratch;
-    const uint32_t *vertices = scratch->loop_vertices + from;
-    mark_junction(trace, vertices[0]);
-    mark_junction(trace, vertices[edges]);
-    scratch->chains[trace->chain_count++] =
-        (struct chain){.start = vertices[0],
-                       .end = vertices[edges],
-                       .left = patch,
-                       .right = scratch->loop_others[from],
-                       .interior_first = (uint32_t)trace->interior_count,
-                       .interior_count = edges - 1};
-    for (uint32_t i = 1; i < edges; i++)
-        scratch->interiors[trace->interior_count++] = vertices[i];
+    const size_t edges = patch->edge_count, inner = 3 * (size_t)patch->face_count;
+    if (trace->chain_count + edges <= scratch->chain_capacity &&
+        trace->junction_count + edges <= scratch->junction_capacity &&
+        trace->interior_count + edges <= scratch->interior_capacity &&
+        trace->seam_edge_count + edges <= scratch->seam_edge_capacity &&
+        trace->diagonal_count + inner <= scratch->diagonal_capacity &&
+        trace->patch_count < scratch->patch_capacity &&
+        trace->patch_interior_count < scratch->patch_interior_capacity)
+        return STATUS_OK;
+    enum status status = memory_reserve(ctx, &scratch->chains, &scratch->chain_capacity,
+                                        trace->chain_count + edges, sizeof *scratch->chains);
+    if (!status)
+        status = memory_reserve(ctx, &scratch->junctions, &scratch->junction_capacity,
+                                trace->junction_count + edges, sizeof *scratch->junctions);
+    if (!status)
+        status = memory_reserve(ctx, &scratch->interiors, &scratch->interior_capacity,
+                                trace->interior_count + edges, sizeof *scratch->interiors);
+    if (!status)
+        status = memory_reserve(ctx, &scratch->seam_edges, &scratch->seam_edge_capacity,
+                                trace->seam_edge_count + edges, sizeof *scratch->seam_edges);
+    if (!status)
+        status = memory_reserve(ctx, &scratch->diagonals, &scratch->diagonal_capacity,
+                                trace->diagonal_count + inner, 2 * sizeof *scratch->diagonals);
+    if (!status)
+        status = memory_reserve(ctx, &scratch->patches, &scratch->patch_capacity,
+                                trace->patch_count + 1, sizeof *scratch->patches);
+    if (!status)
+        status = memory_reserve(ctx, &scratch->patch_interiors, &scratch->patch_interior_capacity,
+                                trace->patch_interior_count + 1, sizeof *scratch->patch_interiors);
+    return status;
 }
 
-static void add_seam_edge(struct trace *trace, uint32_t patch, uint32_t start, uint32_t end)
+/* ---- one patch's boundary ---- */
+
+/* Puts the boundary's edges in order: each vertex starts one. */
+static enum status follow_boundary(struct trace *trace, const struct grown_patch *patch,
+                                   struct loop *loop)
+{
+    const struct boundary_edge *boundary = patch->boundary;
+    const uint32_t count = patch->edge_count;
+    uint32_t *edge_at = trace->scratch->edges;
+    *loop = (struct loop){trace->scratch->loop, trace->scratch->loop + LOOP_SPACE, count};
+    if (count < 3 || count > LOOP_MAX)
+        return trace_fail(trace, "the boundary of a patch has too few edges or too many");
+    for (uint32_t i = 0; i < count; i++)
+        edge_at[boundary[i].start] = i;
+    uint32_t at = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        loop->vertices[i] = loop->vertices[i + count] = boundary[at].start;
+        loop->others[i] = loop->others[i + count] = boundary[at].over;
+        uint32_t end = boundary[at].end;
+        at = edge_at[end];
+        if (at >= count || boundary[at].start != end || (at == 0 && i + 1 < count))
+            return trace_fail(trace, "the boundary of a patch is not one closed loop");
+    }
+    return at == 0 ? STATUS_OK
+                   : trace_fail(trace, "the boundary of a patch is not one closed loop");
+}
+
+/* The code of a chain's end: the vertex becomes a junction, if it is none yet. */
+static uint32_t junction_code(struct trace *trace, uint32_t vertex)
+{
+    uint32_t *code = trace->scratch->codes + vertex;
+    if (*code == CODE_NONE) {
+        trace->scratch->junctions[trace->junction_count] = vertex;
+        *code = (uint32_t)trace->junction_count++; /* KIND_JUNCTION is 0 */
+    } else if (code_kind(*code) == KIND_SEAM) {
+        trace->touched_count += !(*code & CODE_TOUCHED);
+        *code |= CODE_TOUCHED;
+    }
+    return *code;
+}
+
+/* Adds the chain over the loop's edges [from, from + edges). */
+static enum status add_chain(struct trace *trace, const struct loop *loop, uint32_t from,
+                             uint32_t edges)
+{
+    struct trace_workspace *scratch = trace->scratch;
+    const uint32_t *vertices = loop->vertices + from;
+    const uint32_t over = loop->others[from];
+    uint32_t *codes = scratch->codes;
+    uint32_t start = junction_code(trace, vertices[0]);
+    uint32_t end = junction_code(trace, vertices[edges]);
+    bool is_sound = code_kind(start) != KIND_CHAIN && code_kind(end) != KIND_CHAIN;
+    scratch->chains[trace->chain_count++] =
+        (struct chain){.start = start,
+                       .end = end,
+                       .left = (uint32_t)trace->patch_count,
+                       .right = over == OVER_BORDER ? NO_PATCH : over,
+                       .interior_first = (uint32_t)trace->interior_count,
+                       .interior_count = edges - 1};
+    for (uint32_t i = 1; i < edges; i++) {
+        uint32_t vertex = vertices[i];
+        is_sound &= codes[vertex] == CODE_NONE;
+        codes[vertex] = (uint32_t)KIND_CHAIN << CODE_SHIFT | (uint32_t)trace->interior_count;
+        scratch->interiors[trace->interior_count++] = vertex;
+    }
+    return is_sound ? STATUS_OK
+                    : trace_fail(trace, "the boundaries of patches cross inside a chain");
+}
+
+static void add_seam_edge(struct trace *trace, uint32_t start, uint32_t end)
 {
     uint64_t a = local_vertex_number(trace->local, start);
     uint64_t b = local_vertex_number(trace->local, end);
     trace->scratch->seam_edges[trace->seam_edge_count++] =
         (struct seam_edge){.key = a < b ? a << 32 | b : b << 32 | a,
                            .slab = trace->slab->index,
-                           .side = patch << 1 | (a > b)};
+                           .side = (uint32_t)trace->patch_count << 1 | (a > b)};
 }
 
 /* A loop without a junction: the whole boundary of two patches of this slab, or of a patch and the
  * mesh. It gets three. */
-static enum status cut_closed_loop(struct trace *trace, uint32_t patch, uint32_t count)
+static enum status cut_closed_loop(struct trace *trace, const struct loop *loop)
 {
-    const uint32_t *vertices = trace->scratch->loop_vertices;
-    uint32_t other = trace->scratch->loop_others[0];
-    if (other < patch)
+    if (loop->others[0] == NO_PATCH) /* the last patch will see to it */
         return STATUS_OK;
     float *positions;
+    const size_t count = loop->count;
     enum status status = memory_take(trace->ctx, count, 3 * sizeof *positions, &positions);
     if (status)
         return status;
     for (size_t i = 0; i < count; i++)
-        memcpy(positions + 3 * i, trace->local->positions + 3 * (size_t)vertices[i],
+        memcpy(positions + 3 * i, trace->local->positions + 3 * (size_t)loop->vertices[i],
                3 * sizeof *positions);
     size_t chosen[3];
-    loop_choose_three(count, positions, vertices, chosen);
+    loop_choose_three(count, positions, loop->vertices, chosen);
     memory_release(trace->ctx, &positions, count, 3 * sizeof *positions);
-    for (unsigned i = 0; i < 3; i++) {
+    for (unsigned i = 0; i < 3 && !status; i++) {
         size_t to = i == 2 ? chosen[0] + count : chosen[i + 1];
-        add_chain(trace, patch, (uint32_t)chosen[i], (uint32_t)(to - chosen[i]));
+        status = add_chain(trace, loop, (uint32_t)chosen[i], (uint32_t)(to - chosen[i]));
     }
-    return STATUS_OK;
+    return status;
 }
 
-/* Cuts the walked loop at its junctions; a chain is added by the lower of its two patches. */
-static enum status cut_loop(struct trace *trace, uint32_t patch, uint32_t count)
+/* Whether chains end where edge i (from 1) begins. */
+static inline bool is_break(const struct trace *trace, const struct loop *loop, uint32_t i)
 {
-    const uint32_t *vertices = trace->scratch->loop_vertices;
-    const uint32_t *others = trace->scratch->loop_others;
-    enum status status = reserve_loop(trace, count);
-    if (status)
-        return status;
-    uint32_t first = 0;
-    while (first < count && !is_break(trace, vertices[first]))
-        first++;
-    if (first == count)
-        return cut_closed_loop(trace, patch, count);
+    return loop->others[i] != loop->others[i - 1] ||
+           code_kind(trace->scratch->codes[loop->vertices[i]]) == KIND_SEAM;
+}
 
-    uint32_t edges;
+/* Cuts the loop at its junctions and adds the chains against the border and earlier patches. */
+static enum status cut_loop(struct trace *trace, const struct loop *loop)
+{
+    const uint32_t count = loop->count;
+    uint32_t first = 1, edges;
+    while (first <= count && !is_break(trace, loop, first))
+        first++;
+    if (first > count)
+        return cut_closed_loop(trace, loop);
+    if (first == count)
+        first = 0;
     for (uint32_t from = first; from < first + count; from += edges) {
         edges = 1;
-        while (!is_break(trace, vertices[from + edges])) {
-            if (others[from + edges] != others[from])
-                return trace_fail(trace, "a chain changes its patches between junctions");
+        while (edges < count && !is_break(trace, loop, from + edges))
             edges++;
-        }
-        if (edges == count)
+        uint32_t over = loop->others[from];
+        if (edges == count && over != NO_PATCH)
             return trace_fail(trace, "a chain ends at the junction that it began at");
-        if (others[from] == OVER_SEAM)
-            add_seam_edge(trace, patch, vertices[from], vertices[from + 1]);
-        else if (others[from] > patch)
-            add_chain(trace, patch, from, edges);
+        enum status status = STATUS_OK;
+        if (over == OVER_SEAM)
+            add_seam_edge(trace, loop->vertices[from], loop->vertices[from + 1]);
+        else if (over != NO_PATCH)
+            status = add_chain(trace, loop, from, edges);
+        if (status)
+            return status;
     }
     return STATUS_OK;
 }
 
-/* Unit normal and the boundary's mean: the plane from which interior vertices are measured. */
-static void finish_plane(struct trace *trace, uint32_t patch, uint32_t count)
+/* ---- what a patch keeps ---- */
+
+/* A plane: unit normal, and the mean of the boundary's vertices. */
+struct plane_sum {
+    double normal[3];
+    double centre[3];
+};
+
+/* The sum of the faces' area vectors is that of any triangles that the boundary spans: here those
+ * of a fan. */
+static void find_plane(const struct trace *trace, const struct grown_patch *patch,
+                       const struct loop *loop, struct plane_sum *plane)
 {
-    struct patch_sum *sum = trace->scratch->sums + patch;
-    double *normal = sum->normal;
-    double length2 = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2];
-    if (length2 > 0) {
-        double inverse = 1 / sqrt(length2);
-        for (unsigned c = 0; c < 3; c++)
-            normal[c] *= inverse;
-    } else { /* no area, or a patch as good as closed: what its first face was grown by */
-        const float *grown = trace->normals + NORMAL_STRIDE * (size_t)sum->first_face;
-        for (unsigned c = 0; c < 3; c++)
-            normal[c] = grown[c];
+    const float *positions = trace->local->positions;
+    const float *first = positions + 3 * (size_t)loop->vertices[0];
+    double u[3] = {0, 0, 0}, normal[3] = {0, 0, 0}, sum[3] = {0, 0, 0}, length2 = 0;
+    for (uint32_t i = 1; i <= loop->count; i++) { /* the last term is zero */
+        const float *x = positions + 3 * (size_t)loop->vertices[i];
+        double v[3] = {(double)x[0] - first[0], (double)x[1] - first[1], (double)x[2] - first[2]};
+        double d[3] = {v[0] - u[0], v[1] - u[1], v[2] - u[2]};
+        normal[0] += u[1] * v[2] - u[2] * v[1];
+        normal[1] += u[2] * v[0] - u[0] * v[2];
+        normal[2] += u[0] * v[1] - u[1] * v[0];
+        length2 += d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+        for (unsigned c = 0; c < 3; c++) {
+            sum[c] += v[c];
+            u[c] = v[c];
+        }
     }
-    for (uint32_t i = 0; i < count; i++) {
-        const float *x = trace->local->positions + 3 * (size_t)trace->scratch->loop_vertices[i];
+    double square = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2];
+    if (square > no_normal * (length2 * length2)) {
+        double inverse = 1 / sqrt(square);
         for (unsigned c = 0; c < 3; c++)
-            sum->centre[c] += x[c];
+            plane->normal[c] = normal[c] * inverse;
+    } else { /* what its first face was grown by */
+        const float *grown = trace->normals + NORMAL_STRIDE * (size_t)patch->faces[0];
+        for (unsigned c = 0; c < 3; c++)
+            plane->normal[c] = grown[c];
     }
     for (unsigned c = 0; c < 3; c++)
-        sum->centre[c] /= count;
-    sum->loop_count = count;
-    trace->most_faces += count - 2;
+        plane->centre[c] = first[c] + sum[c] / loop->count;
 }
 
-static enum status trace_loops(struct trace *trace)
+/* The patch's vertex off its boundary that is farthest from the plane; of equal ones the lowest.
+ * NO_INDEX: all are on the boundary. */
+static uint32_t farthest_vertex(const struct trace *trace, const struct grown_patch *patch,
+                                const struct plane_sum *plane, double *farthest)
 {
-    for (uint32_t patch = 0; patch < trace->patch_count; patch++) {
-        uint32_t count;
-        enum status status = walk_loop(trace, patch, &count);
+    const uint32_t *edge_at = trace->scratch->edges;
+    uint32_t chosen = NO_INDEX;
+    *farthest = 0;
+    for (uint32_t i = 0; i < patch->vertex_count; i++) {
+        uint32_t vertex = patch->vertices[i], edge = edge_at[vertex];
+        if (edge < patch->edge_count && patch->boundary[edge].start == vertex)
+            continue;
+        const float *x = trace->local->positions + 3 * (size_t)vertex;
+        double distance = fabs(plane->normal[0] * (x[0] - plane->centre[0]) +
+                               plane->normal[1] * (x[1] - plane->centre[1]) +
+                               plane->normal[2] * (x[2] - plane->centre[2]));
+        if (chosen == NO_INDEX || distance > *farthest ||
+            (distance == *farthest && vertex < chosen)) {
+            chosen = vertex;
+            *farthest = distance;
+        }
+    }
+    return chosen;
+}
+
+/* A patch of F faces without interior vertices has F + 2 boundary vertices and F - 1 edges inside:
+ * its diagonals, each taken from the lower of its two faces; local vertices as yet. */
+static enum status add_diagonals(struct trace *trace, const struct grown_patch *patch)
+{
+    const struct slab_local *local = trace->local;
+    uint32_t *diagonals = trace->scratch->diagonals;
+    size_t count = trace->diagonal_count;
+    for (uint32_t i = 0; i < patch->face_count; i++) {
+        const uint32_t face = patch->faces[i];
+        const uint32_t *corner = local->corners + 3 * (size_t)face;
+        const uint32_t *links = local->links + 3 * (size_t)face;
+        for (unsigned k = 0; k < 3; k++) {
+            diagonals[2 * count] = corner[k];
+            diagonals[2 * count + 1] = corner[next3(k)];
+            count += (trace->labels[links[k] >> 2] == patch->number) & (links[k] >> 2 > face);
+        }
+    }
+    if (count - trace->diagonal_count != patch->edge_count - 3)
+        return trace_fail(trace, "a patch is no disk");
+    trace->diagonal_count = count;
+    return STATUS_OK;
+}
+
+/* The nearest float that is not below. */
+static float round_up(double value)
+{
+    float rounded = (float)value;
+    return rounded < value ? nextafterf(rounded, INFINITY) : rounded;
+}
+
+static float clamp_float(double value)
+{
+    return value > 3.4e38 ? 3.4e38f : (float)value;
+}
+
+static enum status add_patch(struct trace *trace, const struct grown_patch *patch,
+                             const struct loop *loop)
+{
+    struct trace_workspace *scratch = trace->scratch;
+    struct patch *record = scratch->patches + trace->patch_count;
+    struct plane_sum plane;
+    double distance;
+    enum status status = STATUS_OK;
+    find_plane(trace, patch, loop, &plane);
+    uint32_t interior = farthest_vertex(trace, patch, &plane, &distance);
+    (void)unit_decode(unit_encode(plane.normal), record->normal); /* as the file will give it */
+    record->area = clamp_float(patch->area);
+    record->deviation = round_up(distance);
+    record->interior_first = (uint32_t)trace->patch_interior_count;
+    record->interior_count = interior != NO_INDEX;
+    record->diagonal_first = (uint32_t)trace->diagonal_count;
+    if (interior != NO_INDEX)
+        scratch->patch_interiors[trace->patch_interior_count++] = interior;
+    else
+        status = add_diagonals(trace, patch);
+    record->diagonal_count = (uint32_t)trace->diagonal_count - record->diagonal_first;
+    trace->most_faces += loop->count - 2;
+    trace->patch_count++;
+    return status;
+}
+
+/* ---- a slab ---- */
+
+static enum status trace_patches(struct trace *trace, struct patch_workspace *space)
+{
+    struct grown_patch patch;
+    while (patch_growth_next(space, &patch)) {
+        struct loop loop;
+        enum status status = follow_boundary(trace, &patch, &loop);
         if (!status)
-            status = cut_loop(trace, patch, count);
+            status = reserve_patch(trace, &patch);
+        if (!status)
+            status = cut_loop(trace, &loop);
+        if (!status)
+            status = add_patch(trace, &patch, &loop);
         if (status)
             return status;
-        finish_plane(trace, patch, count);
     }
     return STATUS_OK;
 }
 
 enum status chain_trace(struct context *ctx, struct store *store, uint32_t stride,
-                        const struct slab *slab, const struct patch_workspace *space,
-                        const uint32_t *labels, uint32_t patch_count,
+                        const struct slab *slab, struct patch_workspace *space,
                         struct trace_workspace *scratch, struct chain_block *block,
                         struct slab_seams *seams, struct trace_counts *counts)
 {
@@ -373,28 +432,24 @@ enum status chain_trace(struct context *ctx, struct store *store, uint32_t strid
                           .slab = slab,
                           .local = &space->local,
                           .normals = space->normals,
-                          .labels = labels,
-                          .patch_count = patch_count,
+                          .labels = space->labels,
                           .scratch = scratch};
     memset(block, 0, sizeof *block);
     memset(seams, 0, sizeof *seams);
-    enum status status = reserve(ctx, scratch, space->local.vertex_count, patch_count);
-    if (status)
-        return status;
-    scan_faces(&trace);
-    number_seam_vertices(&trace);
-    status = trace_loops(&trace);
-    if (!status) {
-        trace_choose_interiors(&trace);
-        status = trace_make_block(&trace, store, stride, block);
-    }
+    enum status status = reserve(&trace);
     if (!status)
-        status = trace_take_seams(&trace, seams);
+        status = trace_number_seams(&trace);
+    if (!status)
+        status = trace_patches(&trace, space);
+    if (!status)
+        status = trace_make_block(&trace, store, stride, block);
+    if (!status)
+        status = trace_take_seams(&trace, block, seams);
     if (status) {
-        chain_block_clear(ctx, stride, block);
         slab_seams_clear(ctx, seams);
         return status;
     }
+    counts->chain_interiors = trace.interior_count;
     counts->most_faces = trace.most_faces;
     return STATUS_OK;
 }

@@ -1,6 +1,7 @@
 /*
- * From labels to records: traces the chains between the patches of one slab, sums up the patches,
- * and notes what the slab's seams need to be joined (seam_join.h). See patch.h for P1 to P3.
+ * From patches to records: grows the patches of one slab and traces each, as soon as it is done,
+ * into the chains between it and the patches before; notes what the slab's seams need to be joined
+ * (seam_join.h). See patch.h for P1 to P3.
  */
 #ifndef SPBM_SIMPLIFY_CHAIN_TRACE_H
 #define SPBM_SIMPLIFY_CHAIN_TRACE_H
@@ -18,43 +19,62 @@ struct seam_edge {
 
 /* What one slab knows of its seams. Owned by whoever called chain_trace. */
 struct slab_seams {
+    uint32_t slab;
+    uint32_t block_junctions; /* of its block: the number of the first seam vertex */
+    uint32_t *vertices;       /* store numbers of its seam vertices, ascending */
+    float *positions;         /* 3 each */
+    size_t vertex_count;
     struct seam_edge *edges;
     size_t edge_count;
     uint32_t *junctions; /* store numbers of the seam vertices at which a chain of the slab ends */
     size_t junction_count;
 };
 
-/* Scratch of one worker, all zero before its first use, kept from slab to slab. */
+/* Arrays of one worker, all zero before its first use, kept from slab to slab; a traced block lies
+ * in them. */
 struct trace_workspace {
-    uint8_t *kinds;    /* a local vertex: what meets there */
-    uint32_t *numbers; /* a local vertex: among the junctions, or among the seam vertices */
-    size_t vertex_capacity;
-    struct patch_sum *sums;
-    size_t patch_capacity;
-    uint32_t *loop_vertices; /* one patch's boundary: where each edge starts, what lies over it */
-    uint32_t *loop_others;
-    struct chain *chains; /* local vertex numbers until the slab is done */
+    uint32_t *codes; /* a local vertex: trace_internal.h */
+    uint32_t
+        *edges; /* a local vertex: where it starts an edge in the last boundary that it is on */
+    size_t code_capacity, edge_capacity;
+    uint32_t *loop; /* one boundary in order: vertices, what lies over the edges; each twice over */
+    struct chain *chains;
     size_t chain_capacity;
-    uint32_t *interiors; /* local vertices */
+    uint32_t *junctions; /* local vertices */
+    size_t junction_capacity;
+    uint32_t *interiors; /* of chains: local vertices */
     size_t interior_capacity;
+    uint32_t *patch_interiors;
+    size_t patch_interior_capacity;
+    struct patch *patches;
+    size_t patch_capacity;
+    uint32_t *diagonals;
+    size_t diagonal_capacity;
     struct seam_edge *seam_edges;
     size_t seam_edge_capacity;
+    uint32_t *seam_vertices;
+    size_t seam_vertex_capacity;
+    float *positions;
+    size_t position_capacity;
+    unsigned char *records;
+    size_t record_capacity;
 };
 
 /* Counts that a block does not hold itself. */
 struct trace_counts {
+    uint64_t chain_interiors;
     uint64_t most_faces; /* faces that the full chains give: loop vertices - 2, over all patches */
 };
 
 /*
- * Makes the block of `slab` (without its seam chains; the caller owns it, chain_block_clear) and
- * its seams from `labels`. `space` is the one that patch_grow has just used for this slab. `store`
- * is asked for the attributes of foreign vertices and may be NULL when `stride` is 0.
- * STATUS_BAD_INPUT when adjacency and labels contradict each other.
+ * Makes the block of `slab` (without its seam chains) and its seams. `space` is one on which
+ * patch_growth_begin has just been called for this slab; its labels are the slab's afterwards.
+ * `store` is asked for the attributes of foreign vertices and may be NULL when `stride` is 0. The
+ * block's arrays are the workspace's, until its next use. STATUS_BAD_INPUT when the adjacency
+ * contradicts itself.
  */
 enum status chain_trace(struct context *ctx, struct store *store, uint32_t stride,
-                        const struct slab *slab, const struct patch_workspace *space,
-                        const uint32_t *labels, uint32_t patch_count,
+                        const struct slab *slab, struct patch_workspace *space,
                         struct trace_workspace *scratch, struct chain_block *block,
                         struct slab_seams *seams, struct trace_counts *counts) MUST_CHECK;
 void slab_seams_clear(struct context *ctx, struct slab_seams *seams);

@@ -47,13 +47,12 @@ static double area_scale(const struct slab_local *local)
     return inverse * inverse;
 }
 
-/* One normal a face; a face of zero area gets all zeros and is put into `queue`. Returns their
- * number. */
-static uint32_t raw_normals(const struct slab_local *local, float *normals, uint32_t *queue)
+/* One normal a face; a face of zero area gets all zeros. True when there are any. */
+static bool raw_normals(const struct slab_local *local, double scale, float *normals)
 {
     const float *positions = local->positions;
-    double half_scale = 0.5 * area_scale(local);
-    uint32_t zero_count = 0;
+    double half_scale = 0.5 * scale;
+    bool any_zero = false;
     for (uint32_t f = 0; f < local->face_count; f++) {
         const uint32_t *corner = local->corners + 3 * (size_t)f;
         const float *a = positions + 3 * (size_t)corner[0];
@@ -67,7 +66,7 @@ static uint32_t raw_normals(const struct slab_local *local, float *normals, uint
         float *normal = normals + NORMAL_STRIDE * (size_t)f;
         if (length2 <= zero_sine_squared * (u2 * v2)) {
             memset(normal, 0, NORMAL_STRIDE * sizeof *normal);
-            queue[zero_count++] = f;
+            any_zero = true;
             continue;
         }
         double length = sqrt(length2);
@@ -77,7 +76,7 @@ static uint32_t raw_normals(const struct slab_local *local, float *normals, uint
         normal[2] = (float)(z * inverse);
         normal[3] = (float)(length * half_scale);
     }
-    return zero_count;
+    return any_zero;
 }
 
 static bool is_undefined(const float *normal)
@@ -106,10 +105,8 @@ static bool neighbour_sum(const struct slab_local *local, const float *normals, 
     sum[0] = sum[1] = sum[2] = 0;
     for (unsigned k = 0; k < 3; k++) {
         uint32_t link = local->links[3 * (size_t)f + k];
-        if (!link_is_face(link))
-            continue;
         const float *normal = normals + NORMAL_STRIDE * (size_t)(link >> 2);
-        if (is_undefined(normal))
+        if (is_undefined(normal)) /* as are those beyond the slab */
             continue;
         any = true;
         for (unsigned c = 0; c < 3; c++)
@@ -119,20 +116,20 @@ static bool neighbour_sum(const struct slab_local *local, const float *normals, 
 }
 
 /*
- * Gives the zero-area faces in queue[0, count) their neighbours' normals, spreading breadth-first
- * from the faces that have one: linear, however long a strip of them is.
+ * Gives the zero-area faces their neighbours' normals, spreading breadth-first from the faces that
+ * have one: linear, however long a strip of them is.
  */
-static void spread_normals(const struct slab_local *local, float *normals, float *spare,
-                           uint32_t *queue, uint32_t count)
+static void spread_normals(const struct slab_local *local, float *normals, float *spare)
 {
     /* `spare` serves as the search's queue. At most three neighbours put a face there besides the
      * start, so its NORMAL_STRIDE slots a face are enough. */
     uint32_t *order = (uint32_t *)(void *)spare;
     uint32_t head = 0, tail = 0;
     double sum[3];
-    for (uint32_t i = 0; i < count; i++)
-        if (neighbour_sum(local, normals, queue[i], sum))
-            order[tail++] = queue[i];
+    for (uint32_t f = 0; f < local->face_count; f++)
+        if (is_undefined(normals + NORMAL_STRIDE * (size_t)f) &&
+            neighbour_sum(local, normals, f, sum))
+            order[tail++] = f;
     while (head < tail) {
         uint32_t f = order[head++];
         float *normal = normals + NORMAL_STRIDE * (size_t)f;
@@ -142,12 +139,13 @@ static void spread_normals(const struct slab_local *local, float *normals, float
             normal[2] = 1; /* its neighbours cancel out: any will do */
         for (unsigned k = 0; k < 3; k++) {
             uint32_t link = local->links[3 * (size_t)f + k];
-            if (link_is_face(link) && is_undefined(normals + NORMAL_STRIDE * (size_t)(link >> 2)))
+            if (link_is_face(local, link) &&
+                is_undefined(normals + NORMAL_STRIDE * (size_t)(link >> 2)))
                 order[tail++] = link >> 2;
         }
     }
-    for (uint32_t i = 0; i < count; i++) {
-        float *normal = normals + NORMAL_STRIDE * (size_t)queue[i];
+    for (uint32_t f = 0; f < local->face_count; f++) {
+        float *normal = normals + NORMAL_STRIDE * (size_t)f;
         if (is_undefined(normal))
             normal[2] = 1;
     }
@@ -160,8 +158,6 @@ static void smooth_once(const struct slab_local *local, const float *from, float
         float x = own[0], y = own[1], z = own[2];
         for (unsigned k = 0; k < 3; k++) {
             uint32_t link = local->links[3 * (size_t)f + k];
-            if (!link_is_face(link))
-                continue;
             const float *other = from + NORMAL_STRIDE * (size_t)(link >> 2);
             x += other[0];
             y += other[1];
@@ -179,16 +175,20 @@ static void smooth_once(const struct slab_local *local, const float *from, float
     }
 }
 
-void face_normals_fill(const struct slab_local *local, uint32_t smoothings, float **normals,
-                       float **spare, uint32_t *queue)
+double face_normals_fill(const struct slab_local *local, uint32_t smoothings, float **normals,
+                         float **spare)
 {
-    uint32_t zero_count = raw_normals(local, *normals, queue);
-    if (zero_count)
-        spread_normals(local, *normals, *spare, queue, zero_count);
+    size_t beyond = NORMAL_STRIDE * (size_t)local->face_count;
+    double scale = area_scale(local);
+    memset(*normals + beyond, 0, BEYOND_COUNT * NORMAL_STRIDE * sizeof **normals);
+    if (raw_normals(local, scale, *normals))
+        spread_normals(local, *normals, *spare);
+    memset(*spare + beyond, 0, BEYOND_COUNT * NORMAL_STRIDE * sizeof **spare);
     for (uint32_t i = 0; i < smoothings; i++) {
         smooth_once(local, *normals, *spare);
         float *swap = *normals;
         *normals = *spare;
         *spare = swap;
     }
+    return 1 / scale;
 }

@@ -12,13 +12,14 @@
 enum { NORMAL_STRIDE = 4 };
 
 /*
- * Fills *normals (NORMAL_STRIDE floats a face). A face of zero area takes the mean of its edge
- * neighbours' normals, as near as there are any in the slab, else (0, 0, 1). Then `smoothings`
- * times each normal becomes the normalised sum of itself and those of its edge neighbours in the
- * slab. *spare is as large as *normals, and the two may have changed places afterwards; `queue`
- * holds one entry a face.
+ * Fills *normals (NORMAL_STRIDE floats a face, and zeros for the BEYOND_COUNT entries behind them).
+ * A face of zero area takes the mean of its edge neighbours' normals, as near as there are any in
+ * the slab, else (0, 0, 1). Then `smoothings` times each normal becomes the normalised sum of
+ * itself and those of its edge neighbours in the slab. Returns the factor by which the areas in
+ * there are to be multiplied. *spare is as large as *normals, and the two may have changed places
+ * afterwards.
  */
-void face_normals_fill(const struct slab_local *local, uint32_t smoothings, float **normals,
-                       float **spare, uint32_t *queue);
+double face_normals_fill(const struct slab_local *local, uint32_t smoothings, float **normals,
+                         float **spare);
 
 #endif

@@ -44,7 +44,7 @@ struct patch {
 struct chain {
     uint32_t start, end;     /* junctions: block vertex numbers; different */
     uint32_t left, right;    /* patches, seen walking from start to end with the outside up; right
-                                may be NO_PATCH; of a seam chain, that of the other slab */
+                                is NO_PATCH or an earlier one */
     uint32_t interior_first; /* block vertex numbers interior_first .. + interior_count - 1, in order */
     uint32_t interior_count;
 };

@@ -23,8 +23,13 @@
  * it adds those that are feasible.
  *
  * Seeds by the plain reading of the paper (some neighbour of the last patch, first in first out)
- * run round the whole surface; here the front stays where the store's order is, by a tree of
- * bitmaps that gives the lowest candidate in constant time.
+ * run round the whole surface; here the front stays where the store's order is: the lowest face
+ * beside a finished patch comes next.
+ *
+ * On scans patches have ten faces or so, and what a processor guesses wrong costs more than all
+ * arithmetic. So vertices are marked with the patch's number, which needs no unmarking; what is
+ * beyond the slab has labels and normals like any face; and where a test would be a coin's toss,
+ * both outcomes are computed or written, and one is kept.
  */
 #include "simplify/patchify.h"
 
@@ -37,124 +42,20 @@
  * stays. */
 enum { QUEUE_SIZE = 3 * PATCH_FACES_MAX + 4 };
 
-/* ---- the lowest set bit of many: bitmaps of 64-fold branching ---- */
+/* Edges that so many faces can have, whatever the adjacency says, and a place that is written but
+ * not kept. */
+enum { BOUNDARY_SIZE = 3 * PATCH_FACES_MAX + 1 };
 
-enum { BIT_LEVELS_MAX = 6 };
-
-struct bit_tree {
-    uint64_t *levels[BIT_LEVELS_MAX]; /* bit i of level n + 1: word i of level n is not zero */
-    unsigned depth;
+struct queued {
+    uint32_t face;
+    uint32_t apex; /* the vertex that came in with it; NO_INDEX: none */
 };
-
-static size_t words_for(size_t bits)
-{
-    return bits / 64 + 1;
-}
-
-/* Words of the whole tree. */
-static size_t bit_tree_words(size_t bits)
-{
-    size_t words = words_for(bits), sum = words;
-    while (words > 1) {
-        words = words_for(words - 1);
-        sum += words;
-    }
-    return sum;
-}
-
-static void bit_tree_init(struct bit_tree *tree, uint64_t *memory, size_t bits)
-{
-    memset(memory, 0, bit_tree_words(bits) * sizeof *memory);
-    size_t words = words_for(bits);
-    tree->levels[0] = memory;
-    tree->depth = 1;
-    while (words > 1) {
-        memory += words;
-        tree->levels[tree->depth++] = memory;
-        words = words_for(words - 1);
-    }
-}
-
-static inline void bit_tree_set(struct bit_tree *tree, uint32_t bit)
-{
-    for (unsigned level = 0; level < tree->depth; level++) {
-        uint64_t *word = tree->levels[level] + bit / 64;
-        uint64_t before = *word;
-        *word = before | (uint64_t)1 << bit % 64;
-        if (before)
-            return;
-        bit /= 64;
-    }
-}
-
-static inline void bit_tree_clear(struct bit_tree *tree, uint32_t bit)
-{
-    for (unsigned level = 0; level < tree->depth; level++) {
-        uint64_t *word = tree->levels[level] + bit / 64;
-        uint64_t mask = (uint64_t)1 << bit % 64;
-        if (!(*word & mask))
-            return;
-        *word &= ~mask;
-        if (*word)
-            return;
-        bit /= 64;
-    }
-}
-
-/* False when no bit is set. */
-static inline bool bit_tree_lowest(const struct bit_tree *tree, uint32_t *bit)
-{
-    uint32_t index = 0;
-    if (!tree->levels[tree->depth - 1][0])
-        return false;
-    for (unsigned level = tree->depth; level-- > 0;)
-        index = 64 * index + (uint32_t)__builtin_ctzll(tree->levels[level][index]);
-    *bit = index;
-    return true;
-}
 
 /* ---- one patch ---- */
 
-struct growth {
-    const uint32_t *corners;
-    const uint32_t *links;
-    const float *normals;
-    uint32_t *labels; /* NO_PATCH: free */
-    uint32_t *queue;
-    uint64_t *marked;
-    struct bit_tree candidates;
-    uint32_t face_count;
-    uint32_t most_faces;
-    float face_cosine[2];
-    double patch_cosine[2];
-    double patch_cosine_squared[2];
-
-    /* the patch being grown */
-    uint32_t patch;
-    uint32_t size;     /* faces */
-    uint32_t boundary; /* edges of its loop */
-    uint32_t tail;     /* of the queue */
-    double sum[3];     /* of its faces' normals, weighted by area */
-};
-
 static inline bool is_free(const struct growth *growth, uint32_t link)
 {
-    return link_is_face(link) && growth->labels[link >> 2] == NO_PATCH;
-}
-
-static inline bool is_marked(const struct growth *growth, uint32_t vertex)
-{
-    return growth->marked[vertex / 64] >> vertex % 64 & 1;
-}
-
-static inline void mark(struct growth *growth, uint32_t vertex)
-{
-    growth->marked[vertex / 64] |= (uint64_t)1 << vertex % 64;
-}
-
-static inline void unmark(struct growth *growth, uint32_t vertex)
-{
-    growth->marked[vertex / 64] &= ~((uint64_t)1 << vertex % 64);
+    return growth->labels[link >> 2] == NO_PATCH;
 }
 
 /* The vertex of the face behind `link` that lies opposite the shared edge. */
@@ -163,81 +64,77 @@ static inline uint32_t apex_of(const struct growth *growth, uint32_t link)
     return growth->corners[3 * (size_t)(link >> 2) + previous3(link & 3)];
 }
 
-/* Edges that the face behind `link` shares with the patch besides the one it is reached over. */
-static inline unsigned further_edges(const struct growth *growth, uint32_t link)
+/* Edges that the face behind `link` shares with the patch. */
+static inline unsigned shared_edges(const struct growth *growth, uint32_t link)
 {
     const uint32_t *links = growth->links + 3 * (size_t)(link >> 2);
-    uint32_t one = links[next3(link & 3)], other = links[previous3(link & 3)];
-    return (link_is_face(one) && growth->labels[one >> 2] == growth->patch) +
-           (link_is_face(other) && growth->labels[other >> 2] == growth->patch);
+    const uint32_t *labels = growth->labels, patch = growth->patch;
+    return (unsigned)(labels[links[0] >> 2] == patch) + (labels[links[1] >> 2] == patch) +
+           (labels[links[2] >> 2] == patch);
 }
 
-/* Whether adding the free face behind `link`, with that many further shared edges, leaves a disk
- * with a simple boundary: test (a) and what the head of this file adds to it. */
-static inline bool keeps_disk(const struct growth *growth, uint32_t link, unsigned further)
+/* Whether adding the free face behind `link`, which shares that many edges, leaves a disk with a
+ * simple boundary: test (a) and what the head of this file adds to it. */
+static inline bool keeps_disk(const struct growth *growth, uint32_t link, unsigned shared)
 {
-    if (further == 0)
-        return !is_marked(growth, apex_of(growth, link));
-    return further == 1 && growth->boundary > 3;
+    bool is_new = growth->marks[apex_of(growth, link)] != growth->patch;
+    return ((shared == 1) & is_new) | ((shared == 2) & (growth->boundary > 3));
 }
 
 /* Test (b): the normals of face and patch, and of face and neighbour, without roots: the sum of the
  * patch is compared unnormalised, by squares with their sign. */
-static inline bool fits(const struct growth *growth, uint32_t from, uint32_t link, unsigned further)
+static inline bool fits(const struct growth *growth, uint32_t from, uint32_t link, unsigned shared)
 {
     const float *normal = growth->normals + NORMAL_STRIDE * (size_t)(link >> 2);
     const float *neighbour = growth->normals + NORMAL_STRIDE * (size_t)from;
-    float face_dot = normal[0] * neighbour[0] + normal[1] * neighbour[1] + normal[2] * neighbour[2];
-    if (!(face_dot >= growth->face_cosine[further]))
-        return false;
-
     const double *sum = growth->sum;
+    unsigned two = shared == 2;
+    float face_dot = normal[0] * neighbour[0] + normal[1] * neighbour[1] + normal[2] * neighbour[2];
     double dot = normal[0] * sum[0] + normal[1] * sum[1] + normal[2] * sum[2];
-    double length2 = sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2];
-    double bound = growth->patch_cosine_squared[further] * length2;
-    if (growth->patch_cosine[further] >= 0)
-        return dot >= 0 && dot * dot >= bound;
-    return dot >= 0 || dot * dot <= bound;
+    double square = dot * dot, bound = growth->bound[two];
+    bool is_near = growth->patch_cosine[two] >= 0 ? (dot >= 0) & (square >= bound)
+                                                  : (dot >= 0) | (square <= bound);
+    return is_near & (face_dot >= growth->face_cosine[two]);
 }
 
-/* *further is set in any case. */
+/* *shared is set in any case. */
 static inline bool is_feasible(const struct growth *growth, uint32_t from, uint32_t link,
-                               unsigned *further)
+                               unsigned *shared)
 {
-    *further = further_edges(growth, link);
-    return keeps_disk(growth, link, *further) && fits(growth, from, link, *further);
+    *shared = shared_edges(growth, link);
+    return keeps_disk(growth, link, *shared) & fits(growth, from, link, *shared);
 }
 
 static inline void add_weighted(struct growth *growth, uint32_t face, double sign)
 {
     const float *normal = growth->normals + NORMAL_STRIDE * (size_t)face;
-    double weight = sign * normal[3];
+    double weight = sign * normal[3], *sum = growth->sum;
     for (unsigned c = 0; c < 3; c++)
-        growth->sum[c] += weight * normal[c];
+        sum[c] += weight * normal[c];
+    double length2 = sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2];
+    growth->bound[0] = growth->patch_cosine_squared[0] * length2;
+    growth->bound[1] = growth->patch_cosine_squared[1] * length2;
+    growth->area += weight;
 }
 
-/* Adds a face that keeps the disk and shares `further` edges with it besides the one of `link`. */
-static inline void add(struct growth *growth, uint32_t link, unsigned further)
+/* Adds a face that keeps the disk and shares that many edges with it. */
+static inline void add(struct growth *growth, uint32_t link, unsigned shared)
 {
-    uint32_t face = link >> 2;
-    if (further == 0) {
-        mark(growth, apex_of(growth, link));
-        growth->boundary++;
-    } else {
-        growth->boundary--;
-    }
+    uint32_t face = link >> 2, apex = apex_of(growth, link);
+    growth->marks[apex] = growth->patch; /* it is, if two edges are shared */
+    growth->boundary += shared == 1 ? 1 : -1u;
     growth->labels[face] = growth->patch;
-    growth->queue[growth->tail++] = face;
+    growth->queue[growth->tail++] = (struct queued){face, shared == 1 ? apex : NO_INDEX};
     growth->size++;
     add_weighted(growth, face, 1);
 }
 
-/* Undoes add() for a face that shares the same edges with the patch as then. */
-static inline void take_away(struct growth *growth, uint32_t link, unsigned further)
+/* The reverse of add, but for the queue. */
+static inline void take_away(struct growth *growth, uint32_t link, unsigned shared)
 {
     uint32_t face = link >> 2;
-    if (further == 0) {
-        unmark(growth, apex_of(growth, link));
+    if (shared == 1) {
+        growth->marks[apex_of(growth, link)] = NO_PATCH;
         growth->boundary--;
     } else {
         growth->boundary++;
@@ -248,28 +145,29 @@ static inline void take_away(struct growth *growth, uint32_t link, unsigned furt
 }
 
 /*
- * Both free neighbours of `face` are added, or it is taken away itself; `shared` is its edge to the
- * rest of the patch. The second neighbour is looked at again once the first is in: with the same
- * apex it either shares two edges now and closes the ring round a vertex, which is fine, or three,
- * or one and would pinch.
+ * Both free neighbours of the queue's entry `head` are added, or it is taken away itself; `shared`
+ * is its edge to the rest of the patch. The second neighbour is looked at again once the first is
+ * in: with the same apex it either shares two edges now and closes the ring round a vertex, which
+ * is fine, or three, or one and would pinch.
  */
-static inline void expand_two(struct growth *growth, uint32_t face, unsigned shared)
+static inline void expand_two(struct growth *growth, uint32_t head, unsigned shared)
 {
+    uint32_t face = growth->queue[head].face;
     uint32_t one = growth->links[3 * (size_t)face + next3(shared)];
     uint32_t two = growth->links[3 * (size_t)face + previous3(shared)];
-    unsigned further_one, further_two;
-    if (is_feasible(growth, face, one, &further_one) &&
-        is_feasible(growth, face, two, &further_two)) {
-        add(growth, one, further_one);
-        further_two = further_edges(growth, two);
-        if (keeps_disk(growth, two, further_two)) {
-            add(growth, two, further_two);
+    unsigned shared_one, shared_two;
+    if (is_feasible(growth, face, one, &shared_one) & is_feasible(growth, face, two, &shared_two)) {
+        add(growth, one, shared_one);
+        shared_two = shared_edges(growth, two);
+        if (keeps_disk(growth, two, shared_two)) {
+            add(growth, two, shared_two);
             return;
         }
-        take_away(growth, one, further_one);
+        take_away(growth, one, shared_one);
         growth->tail--;
     }
-    take_away(growth, face << 2 | shared, 0);
+    take_away(growth, face << 2 | shared, 1);
+    growth->queue[head] = (struct queued){NO_INDEX, NO_INDEX};
 }
 
 /* Adds what is feasible of the neighbours of `face`, one by one. */
@@ -277,75 +175,107 @@ static inline void expand_each(struct growth *growth, uint32_t face)
 {
     for (unsigned k = 0; k < 3; k++) {
         uint32_t link = growth->links[3 * (size_t)face + k];
-        unsigned further;
+        unsigned shared;
         if (is_free(growth, link) && growth->size < growth->most_faces &&
-            is_feasible(growth, face, link, &further))
-            add(growth, link, further);
+            is_feasible(growth, face, link, &shared))
+            add(growth, link, shared);
     }
 }
 
-static void grow_patch(struct growth *growth, uint32_t seed)
+static void grow_from(struct growth *growth, uint32_t seed)
 {
     const uint32_t *corner = growth->corners + 3 * (size_t)seed;
     growth->size = 1;
     growth->boundary = 3;
     growth->tail = 0;
-    growth->queue[growth->tail++] = seed;
+    growth->queue[growth->tail++] = (struct queued){seed, NO_INDEX};
     growth->labels[seed] = growth->patch;
+    growth->area = 0;
     memset(growth->sum, 0, sizeof growth->sum);
     add_weighted(growth, seed, 1);
     for (unsigned k = 0; k < 3; k++)
-        mark(growth, corner[k]);
+        growth->marks[corner[k]] = growth->patch;
 
     expand_each(growth, seed);
     for (uint32_t head = 1; head < growth->tail && growth->size < growth->most_faces; head++) {
-        uint32_t face = growth->queue[head];
+        uint32_t face = growth->queue[head].face;
         const uint32_t *links = growth->links + 3 * (size_t)face;
-        bool free[3];
-        for (unsigned k = 0; k < 3; k++)
-            free[k] = is_free(growth, links[k]);
-        unsigned count = (unsigned)free[0] + free[1] + free[2];
-        if (count == 0)
+        unsigned free = (unsigned)is_free(growth, links[0]) | is_free(growth, links[1]) << 1 |
+                        is_free(growth, links[2]) << 2;
+        if (free == 0)
             continue;
-        unsigned shared = !free[0] ? 0 : !free[1] ? 1 : 2;
-        if (count == 1)
-            expand_each(growth, face);
-        else if (growth->size + 2 <= growth->most_faces)
-            expand_two(growth, face, shared);
+        if ((free & (free - 1)) == 0) {
+            unsigned shared;
+            uint32_t link = links[free >> 1];
+            if (is_feasible(growth, face, link, &shared))
+                add(growth, link, shared);
+        } else if (growth->size + 2 <= growth->most_faces) {
+            expand_two(growth, head, free == 6 ? 0 : free == 5 ? 1 : 2);
+        }
     }
 }
 
-/* Ends the patch: its vertices are unmarked, its faces are candidates no more, the free faces
- * beside it are. */
-static void finish_patch(struct growth *growth)
+/* Ends the patch: gathers it, and the free faces beside it become candidates. */
+static void gather(struct patch_workspace *space, struct grown_patch *patch)
 {
+    struct growth *growth = &space->growth;
+    uint32_t *faces = space->lists, *vertices = faces + QUEUE_SIZE, face_count = 0;
+    const uint32_t *seed = growth->corners + 3 * (size_t)growth->queue[0].face;
+    struct boundary_edge *boundary = space->boundary;
+    uint32_t vertex_count = 3, edge_count = 0;
+    memcpy(vertices, seed, 3 * sizeof *vertices);
     for (uint32_t i = 0; i < growth->tail; i++) {
-        uint32_t face = growth->queue[i];
-        const uint32_t *corner = growth->corners + 3 * (size_t)face;
-        const uint32_t *links = growth->links + 3 * (size_t)face;
-        for (unsigned k = 0; k < 3; k++)
-            unmark(growth, corner[k]);
-        if (growth->labels[face] != growth->patch)
-            continue;
-        bit_tree_clear(&growth->candidates, face);
-        for (unsigned k = 0; k < 3; k++)
-            if (is_free(growth, links[k]))
-                bit_tree_set(&growth->candidates, links[k] >> 2);
+        faces[face_count] = growth->queue[i].face;
+        face_count += growth->queue[i].face != NO_INDEX;
+        vertices[vertex_count] = growth->queue[i].apex;
+        vertex_count += growth->queue[i].apex != NO_INDEX;
     }
+    for (uint32_t i = 0; i < face_count; i++) {
+        const uint32_t *corner = growth->corners + 3 * (size_t)faces[i];
+        const uint32_t *links = growth->links + 3 * (size_t)faces[i];
+        for (unsigned k = 0; k < 3; k++) {
+            uint32_t over = growth->labels[links[k] >> 2];
+            boundary[edge_count] = (struct boundary_edge){corner[k], corner[next3(k)], over};
+            edge_count += over != growth->patch;
+            bit_tree_set_if(&growth->candidates, links[k] >> 2, over == NO_PATCH);
+        }
+    }
+    *patch = (struct grown_patch){.number = growth->patch,
+                                  .face_count = face_count,
+                                  .vertex_count = vertex_count,
+                                  .edge_count = edge_count,
+                                  .faces = faces,
+                                  .vertices = vertices,
+                                  .boundary = boundary,
+                                  .area = growth->area * growth->area_factor};
 }
 
 /* ---- a slab ---- */
 
-/* The lowest free face beside a finished patch, else the lowest free one; NO_INDEX at the end. Free
- * faces only become fewer from patch to patch, so `*lowest` only moves up. */
-static uint32_t next_seed(const struct growth *growth, uint32_t *lowest)
+/* The lowest free face beside a finished patch, else the lowest free one; NO_INDEX at the end.
+ * Candidates that are free no more are found out here. */
+static uint32_t next_seed(struct growth *growth)
 {
     uint32_t seed;
-    if (bit_tree_lowest(&growth->candidates, &seed))
-        return seed;
-    while (*lowest < growth->face_count && growth->labels[*lowest] != NO_PATCH)
-        ++*lowest;
-    return *lowest < growth->face_count ? *lowest : NO_INDEX;
+    while (bit_tree_lowest(&growth->candidates, &seed)) {
+        if (growth->labels[seed] == NO_PATCH)
+            return seed;
+        bit_tree_clear(&growth->candidates, seed);
+    }
+    while (growth->lowest < growth->face_count && growth->labels[growth->lowest] != NO_PATCH)
+        growth->lowest++;
+    return growth->lowest < growth->face_count ? growth->lowest : NO_INDEX;
+}
+
+bool patch_growth_next(struct patch_workspace *space, struct grown_patch *patch)
+{
+    uint32_t seed = next_seed(&space->growth);
+    if (seed == NO_INDEX)
+        return false;
+    grow_from(&space->growth, seed);
+    gather(space, patch);
+    space->growth.patch++;
+    return true;
 }
 
 static void set_options(struct growth *growth, const struct patch_options *options)
@@ -362,81 +292,92 @@ static void set_options(struct growth *growth, const struct patch_options *optio
 
 static void release_arrays(struct context *ctx, struct patch_workspace *space)
 {
-    size_t faces = space->face_capacity;
-    memory_release(ctx, &space->normals, faces, NORMAL_STRIDE * sizeof(float));
-    memory_release(ctx, &space->spare, faces, NORMAL_STRIDE * sizeof(float));
-    memory_release(ctx, &space->candidates, bit_tree_words(faces), sizeof(uint64_t));
-    memory_release(ctx, &space->queue, faces + QUEUE_SIZE, sizeof(uint32_t));
-    memory_release(ctx, &space->marked, words_for(space->vertex_capacity), sizeof(uint64_t));
-    space->face_capacity = space->vertex_capacity = 0;
+    memory_release(ctx, &space->normals, space->spare_capacity, sizeof(float));
+    memory_release(ctx, &space->spare, space->spare_capacity, sizeof(float));
+    memory_release(ctx, &space->candidates, bit_tree_words(space->face_capacity), sizeof(uint64_t));
+    space->face_capacity = space->spare_capacity = 0;
 }
 
 static enum status reserve(struct context *ctx, struct patch_workspace *space)
 {
-    size_t faces = space->local.face_count, vertices = space->local.vertex_count;
-    if (faces <= space->face_capacity && vertices <= space->vertex_capacity && space->queue)
-        return STATUS_OK;
-    if (faces < space->face_capacity)
-        faces = space->face_capacity;
-    if (vertices < space->vertex_capacity)
-        vertices = space->vertex_capacity;
-    release_arrays(ctx, space);
-    space->face_capacity = faces;
-    space->vertex_capacity = vertices;
-    enum status status = memory_take(ctx, faces, NORMAL_STRIDE * sizeof(float), &space->normals);
-    if (!status)
-        status = memory_take(ctx, faces, NORMAL_STRIDE * sizeof(float), &space->spare);
-    if (!status)
-        status = memory_take(ctx, bit_tree_words(faces), sizeof(uint64_t), &space->candidates);
-    if (!status)
-        status = memory_take(ctx, faces + QUEUE_SIZE, sizeof(uint32_t), &space->queue);
-    if (!status)
-        status = memory_take(ctx, words_for(vertices), sizeof(uint64_t), &space->marked);
-    if (status)
+    size_t faces = (size_t)space->local.face_count + BEYOND_COUNT;
+    size_t labels_and_marks = faces + space->local.vertex_count;
+    size_t spare = NORMAL_STRIDE * faces;
+    spare = spare < labels_and_marks ? labels_and_marks : spare;
+    enum status status = STATUS_OK;
+    if (faces > space->face_capacity || spare > space->spare_capacity) {
         release_arrays(ctx, space);
+        space->face_capacity = faces;
+        space->spare_capacity = spare;
+        status = memory_take(ctx, spare, sizeof(float), &space->normals);
+        if (!status)
+            status = memory_take(ctx, spare, sizeof(float), &space->spare);
+        if (!status)
+            status = memory_take(ctx, bit_tree_words(faces), sizeof(uint64_t), &space->candidates);
+        if (status)
+            release_arrays(ctx, space);
+    }
+    if (!status && !space->queue)
+        status = memory_take(ctx, QUEUE_SIZE, sizeof *space->queue, &space->queue);
+    if (!status && !space->lists) /* as many vertices as faces, and the seed's other two */
+        status = memory_take(ctx, 2 * QUEUE_SIZE + 3, sizeof *space->lists, &space->lists);
+    if (!status && !space->boundary)
+        status = memory_take(ctx, BOUNDARY_SIZE, sizeof *space->boundary, &space->boundary);
     return status;
 }
 
 void patch_workspace_clear(struct context *ctx, struct patch_workspace *space)
 {
     release_arrays(ctx, space);
+    memory_release(ctx, &space->queue, QUEUE_SIZE, sizeof *space->queue);
+    memory_release(ctx, &space->lists, 2 * QUEUE_SIZE + 3, sizeof *space->lists);
+    memory_release(ctx, &space->boundary, BOUNDARY_SIZE, sizeof *space->boundary);
     slab_local_clear(ctx, &space->local);
+    memset(space, 0, sizeof *space);
+}
+
+enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
+                               const struct patch_options *options, struct patch_workspace *space)
+{
+    struct slab_local *local = &space->local;
+    enum status status = slab_local_fill(ctx, slab, local);
+    if (!status)
+        status = reserve(ctx, space);
+    if (status)
+        return status;
+    double area_factor =
+        face_normals_fill(local, options->smoothings, &space->normals, &space->spare);
+    size_t faces = (size_t)local->face_count + BEYOND_COUNT;
+    space->labels = (uint32_t *)(void *)space->spare;
+    memset(space->labels, 0xff, (faces + local->vertex_count) * sizeof *space->labels);
+    space->labels[local->face_count + BEYOND_BORDER] = OVER_BORDER;
+    space->labels[local->face_count + BEYOND_SEAM] = OVER_SEAM;
+    space->growth = (struct growth){.corners = local->corners,
+                                    .links = local->links,
+                                    .normals = space->normals,
+                                    .labels = space->labels,
+                                    .marks = space->labels + faces,
+                                    .queue = space->queue,
+                                    .face_count = local->face_count,
+                                    .area_factor = area_factor};
+    set_options(&space->growth, options);
+    bit_tree_init(&space->growth.candidates, space->candidates, faces);
+    return STATUS_OK;
 }
 
 enum status patch_grow(struct context *ctx, const struct slab *slab,
                        const struct patch_options *options, struct patch_workspace *space,
                        uint32_t *labels, uint32_t *patch_count)
 {
-    enum status status = slab_local_fill(ctx, slab, &space->local);
-    if (!status)
-        status = reserve(ctx, space);
+    struct grown_patch patch;
+    enum status status = patch_growth_begin(ctx, slab, options, space);
     if (status)
         return status;
-    face_normals_fill(&space->local, options->smoothings, &space->normals, &space->spare,
-                      space->queue);
-
-    struct growth growth = {.corners = space->local.corners,
-                            .links = space->local.links,
-                            .normals = space->normals,
-                            .labels = labels,
-                            .queue = space->queue,
-                            .marked = space->marked,
-                            .face_count = slab->face_count};
-    set_options(&growth, options);
-    bit_tree_init(&growth.candidates, space->candidates, slab->face_count);
-    memset(space->marked, 0, words_for(space->local.vertex_count) * sizeof(uint64_t));
-    memset(labels, 0xff, slab->face_count * sizeof *labels);
-
-    uint32_t lowest = 0;
-    for (;;) {
-        uint32_t seed = next_seed(&growth, &lowest);
-        if (seed == NO_INDEX)
-            break;
-        grow_patch(&growth, seed);
-        finish_patch(&growth);
-        growth.patch++;
-    }
-    *patch_count = growth.patch;
+    *patch_count = 0;
+    while (patch_growth_next(space, &patch))
+        ++*patch_count;
+    if (slab->face_count)
+        memcpy(labels, space->labels, slab->face_count * sizeof *labels);
     return STATUS_OK;
 }
 

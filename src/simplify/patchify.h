@@ -9,30 +9,90 @@
 #ifndef SPBM_SIMPLIFY_PATCHIFY_H
 #define SPBM_SIMPLIFY_PATCHIFY_H
 
+#include "simplify/bit_tree.h"
 #include "simplify/patch.h"
 #include "simplify/slab_local.h"
 
+/* An edge of a patch's boundary, walked with the patch on its left. */
+struct boundary_edge {
+    uint32_t start, end; /* local vertices */
+    uint32_t over;       /* an earlier patch, NO_PATCH for a face that is free as yet, or: */
+};
+
+#define OVER_BORDER (UINT32_MAX - 1)
+#define OVER_SEAM (UINT32_MAX - 2)
+
+/* A patch that has just been grown; valid until the next one is. */
+struct grown_patch {
+    uint32_t number;
+    uint32_t face_count, vertex_count, edge_count;
+    const uint32_t *faces;    /* local, in the order of growing; the first is the seed */
+    const uint32_t *vertices; /* local, each once */
+    const struct boundary_edge *boundary; /* in the order of the faces */
+    double area;                          /* of its faces, model units */
+};
+
+/* The state of growth; private to patchify.c. */
+struct growth {
+    const uint32_t *corners;
+    const uint32_t *links;
+    const float *normals;
+    uint32_t *labels; /* NO_PATCH: free */
+    uint32_t *marks;  /* a local vertex: the patch that it came into last */
+    struct queued *queue;
+    struct bit_tree candidates; /* free faces beside a finished patch, and some no longer free */
+    uint32_t face_count;
+    uint32_t lowest; /* no face below is free */
+    uint32_t most_faces;
+    float face_cosine[2];
+    double patch_cosine[2];
+    double patch_cosine_squared[2];
+    double area_factor;
+
+    /* the patch being grown */
+    uint32_t patch;
+    uint32_t size;     /* faces */
+    uint32_t boundary; /* edges of its loop */
+    uint32_t tail;     /* of the queue */
+    double sum[3];     /* of its faces' normals, weighted by area */
+    double bound[2];   /* patch_cosine_squared times the squared length of `sum` */
+    double area;
+};
+
 /*
  * What one worker needs for one slab at a time; all zero before its first use, kept from slab to
- * slab. After patch_grow, `local` describes the slab, for chain_trace.
+ * slab.
  */
 struct patch_workspace {
     struct slab_local local;
-    float *normals; /* face_normals.h */
-    float *spare;
-    uint32_t *queue;      /* the patch being grown, in order of adding */
-    uint64_t *marked;     /* a bit a local vertex: belongs to the patch being grown */
-    uint64_t *candidates; /* a bit a face: free, beside a finished patch; a tree of bitmaps */
+    float *normals;   /* face_normals.h */
+    uint32_t *labels; /* a face: its patch, NO_PATCH while it is free; BEYOND_COUNT more entries */
+    /* private to patchify.c */
+    float *spare; /* of the normals; then labels and marks lie in it */
+    struct queued *queue;
+    uint32_t *lists; /* of the patch last grown: faces, vertices */
+    struct boundary_edge *boundary;
+    uint64_t *candidates;
     size_t face_capacity;
-    size_t vertex_capacity;
+    size_t spare_capacity; /* floats */
+    struct growth growth;
 };
 
 void patch_workspace_clear(struct context *ctx, struct patch_workspace *space);
 
 /*
- * Labels every face of `slab` with its patch: labels[0, face_count), patches numbered from 0 in the
- * order of growing. STATUS_BAD_INPUT when the slab's tables contradict themselves.
+ * Begins growing on `slab`, which may be closed afterwards but for its foreign table: fills
+ * space->local, the normals, and labels all NO_PATCH. STATUS_BAD_INPUT when the slab's tables
+ * contradict themselves.
  */
+enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
+                               const struct patch_options *options,
+                               struct patch_workspace *space) MUST_CHECK;
+
+/* Grows the next patch; patches are numbered from 0. False when no face is free any more. */
+bool patch_growth_next(struct patch_workspace *space, struct grown_patch *patch);
+
+/* Both for a whole slab: labels[0, face_count) are its faces' patches. */
 enum status patch_grow(struct context *ctx, const struct slab *slab,
                        const struct patch_options *options, struct patch_workspace *space,
                        uint32_t *labels, uint32_t *patch_count) MUST_CHECK;

@@ -116,22 +116,19 @@ void seam_join_close(struct seam_join **join)
     memory_release(ctx, join, 1, sizeof **join);
 }
 
-enum status seam_join_add(struct seam_join *join, const struct chain_block *block,
-                          const struct slab_seams *seams)
+enum status seam_join_add(struct seam_join *join, const struct slab_seams *seams)
 {
-    if (join->slabs_added == join->slab_count || block->slab != join->slabs_added)
-        return fail(join->ctx, STATUS_INTERNAL, "seams of slab %u come out of order", block->slab);
+    if (join->slabs_added == join->slab_count || seams->slab != join->slabs_added)
+        return fail(join->ctx, STATUS_INTERNAL, "seams of slab %u come out of order", seams->slab);
     join->parts[join->slabs_added++] =
         (struct slab_part){.vertex_offset = join->vertex_spool.size / sizeof(uint32_t),
-                           .vertex_count = block->seam_vertex_count,
-                           .junction_count = block->junction_count};
-    size_t count = block->seam_vertex_count;
-    enum status status =
-        spool_append(&join->vertex_spool, block->seam_vertices, count * sizeof(uint32_t));
+                           .vertex_count = (uint32_t)seams->vertex_count,
+                           .junction_count = seams->block_junctions};
+    enum status status = spool_append(&join->vertex_spool, seams->vertices,
+                                      seams->vertex_count * sizeof *seams->vertices);
     if (!status)
-        status = spool_append(&join->position_spool,
-                              block->positions + 3 * (size_t)block->junction_count,
-                              count * (3 * sizeof(float)));
+        status = spool_append(&join->position_spool, seams->positions,
+                              seams->vertex_count * (3 * sizeof *seams->positions));
     if (!status)
         status = sorter_add(join->edges, seams->edges, seams->edge_count);
     for (size_t i = 0; i < seams->junction_count && !status; i++) {

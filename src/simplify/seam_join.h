@@ -21,8 +21,7 @@ enum status seam_join_open(struct context *ctx, const char *beside, uint64_t mem
                            uint32_t slab_count, struct seam_join **out) MUST_CHECK;
 /* Takes the seams of the next slab, in the order of the slabs; nothing of them is kept by
  * reference. */
-enum status seam_join_add(struct seam_join *join, const struct chain_block *block,
-                          const struct slab_seams *seams) MUST_CHECK;
+enum status seam_join_add(struct seam_join *join, const struct slab_seams *seams) MUST_CHECK;
 /* After the last slab: makes the chains. STATUS_BAD_INPUT when the slabs contradict each other. */
 enum status seam_join_link(struct seam_join *join, struct seam_counts *counts) MUST_CHECK;
 /* The seam chains of the next slab, in the order of the slabs, into the seam fields of *block (all

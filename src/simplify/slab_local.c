@@ -75,19 +75,22 @@ static enum status fill_corners(struct context *ctx, const struct slab *slab,
 static enum status fill_links(struct context *ctx, const struct slab *slab,
                               struct slab_local *local)
 {
+    local->seam_links = 0;
     for (size_t f = 0; f < slab->face_count; f++) {
         unsigned mates = slab->mates[f];
         for (unsigned k = 0; k < 3; k++) {
             uint32_t neighbour = slab->neighbours[3 * f + k];
             uint32_t face = neighbour - slab->face_first;
             unsigned mate = mates >> 2 * k & 3;
-            uint32_t link = neighbour == NO_INDEX ? LINK_BORDER : LINK_SEAM;
-            if (face < slab->face_count) {
-                if (mate == 3)
-                    return fail(ctx, STATUS_BAD_INPUT,
-                                "mesh store: slab %u, face %zu: edge %u has no mate", slab->index,
-                                f, k);
-                link = face << 2 | mate;
+            uint32_t link = face << 2 | mate;
+            if (face >= slab->face_count) {
+                bool is_seam = neighbour != NO_INDEX;
+                local->seam_links += is_seam;
+                link = link_beyond(local, is_seam ? BEYOND_SEAM : BEYOND_BORDER);
+            } else if (mate == 3) {
+                return fail(ctx, STATUS_BAD_INPUT,
+                            "mesh store: slab %u, face %zu: edge %u has no mate", slab->index, f,
+                            k);
             }
             local->links[3 * f + k] = link;
         }
@@ -99,7 +102,7 @@ enum status slab_local_fill(struct context *ctx, const struct slab *slab, struct
 {
     uint32_t own = slab->vertex_end - slab->vertex_first;
     uint64_t vertices = (uint64_t)own + slab->foreign_count;
-    if (slab->face_count >= 1u << 30 || vertices > UINT32_MAX - 2)
+    if (slab->face_count >= 1u << 29 || vertices >= 1u << 29)
         return fail(ctx, STATUS_BAD_INPUT, "mesh store: slab %u is too large", slab->index);
     enum status status = reserve(ctx, local, slab->face_count, vertices);
     if (status)

@@ -7,14 +7,13 @@
 
 #include "mesh/store.h"
 
-/* What lies over an edge: a face of the slab, as face << 2 | the edge's place there, or one of: */
-#define LINK_BORDER UINT32_MAX     /* nothing: a border edge of the mesh */
-#define LINK_SEAM (UINT32_MAX - 1) /* a face of another slab */
-
-static inline bool link_is_face(uint32_t link)
-{
-    return link < LINK_SEAM;
-}
+/*
+ * A link says what lies over an edge: a face of the slab, as face << 2 | the edge's place there; or
+ * one of two more "faces" behind the last, so that arrays over the faces with two more entries can
+ * be looked up without asking: BEYOND_BORDER (a border edge of the mesh) and BEYOND_SEAM (the face
+ * is another slab's).
+ */
+enum { BEYOND_BORDER = 0, BEYOND_SEAM = 1, BEYOND_COUNT = 2 };
 
 /* Arrays grow as slabs ask for it and are reused from one slab to the next by the same worker. */
 struct slab_local {
@@ -23,12 +22,23 @@ struct slab_local {
     uint32_t vertex_count;   /* own and foreign */
     uint32_t vertex_first;   /* store number of local vertex 0 */
     const uint32_t *foreign; /* borrowed from the slab: store numbers of the foreign ones */
+    size_t seam_links;       /* links that lead to another slab */
     uint32_t *corners;       /* 3 a face: local vertices */
     uint32_t *links;         /* 3 a face: over edge k */
     float *positions;        /* 3 a local vertex */
     size_t face_capacity;
     size_t vertex_capacity;
 };
+
+static inline bool link_is_face(const struct slab_local *local, uint32_t link)
+{
+    return link >> 2 < local->face_count;
+}
+
+static inline uint32_t link_beyond(const struct slab_local *local, unsigned beyond)
+{
+    return (local->face_count + beyond) << 2;
+}
 
 /* Store number of a local vertex. */
 static inline uint32_t local_vertex_number(const struct slab_local *local, uint32_t vertex)

@@ -1,268 +1,221 @@
 /*
- * Making the block of a traced slab: what patches keep of their inside, then all vertices in their
- * block numbers. Those are known only at the end, when the junctions have been counted; until then
- * everything names local vertices, and two arrays over the slab's vertices translate.
+ * Making the block of a traced slab. Block numbers are known only when all junctions have been
+ * counted; until then chains have codes of a kind and a number in it (trace_internal.h), which then
+ * become block numbers by one addition each.
  */
 #include "simplify/trace_internal.h"
 
-#include <math.h>
 #include <string.h>
 
 #include "base/memory.h"
-#include "simplify/unit_code.h"
 
-/* ---- what patches keep of their inside ---- */
+/* ---- seam vertices ---- */
 
-/* Keeps the PATCH_INTERIORS farthest; of equal ones the first, which is the lowest. */
-static void keep_farthest(struct patch_sum *sum, uint32_t vertex, double distance)
-{
-    unsigned place = sum->interior_count;
-    while (place > 0 && sum->distance[place - 1] < distance)
-        place--;
-    if (place == PATCH_INTERIORS)
-        return;
-    unsigned last =
-        sum->interior_count < PATCH_INTERIORS ? sum->interior_count++ : PATCH_INTERIORS - 1;
-    for (unsigned i = last; i > place; i--) {
-        sum->distance[i] = sum->distance[i - 1];
-        sum->interior[i] = sum->interior[i - 1];
-    }
-    sum->distance[place] = distance;
-    sum->interior[place] = vertex;
-}
-
-/* A vertex at which no boundary edge ends lies inside the patch of any of its faces. Own vertices
- * are numbered by first use, so faces in order meet them ascending. */
-void trace_choose_interiors(struct trace *trace)
+/* Codes of the seam vertices inside the slab: those of its edges over which another slab lies. */
+static void mark_seams(struct trace *trace)
 {
     const struct slab_local *local = trace->local;
-    uint8_t *kinds = trace->scratch->kinds;
-    for (size_t f = 0; f < local->face_count; f++) {
-        for (unsigned k = 0; k < 3; k++) {
-            uint32_t vertex = local->corners[3 * f + k];
-            if (kinds[vertex] != 0)
-                continue;
-            kinds[vertex] = KIND_INTERIOR;
-            struct patch_sum *sum = trace->scratch->sums + trace->labels[f];
-            const float *x = local->positions + 3 * (size_t)vertex;
-            double distance = sum->normal[0] * (x[0] - sum->centre[0]) +
-                              sum->normal[1] * (x[1] - sum->centre[1]) +
-                              sum->normal[2] * (x[2] - sum->centre[2]);
-            keep_farthest(sum, vertex, fabs(distance));
-        }
+    const uint32_t seam = link_beyond(local, BEYOND_SEAM),
+                   marked = (uint32_t)KIND_SEAM << CODE_SHIFT;
+    uint32_t *codes = trace->scratch->codes;
+    for (uint32_t f = 0; f < local->face_count; f++) {
+        const uint32_t *links = local->links + 3 * (size_t)f;
+        if (links[0] != seam && links[1] != seam && links[2] != seam)
+            continue;
+        const uint32_t *corner = local->corners + 3 * (size_t)f;
+        for (unsigned k = 0; k < 3; k++)
+            if (links[k] == seam)
+                codes[corner[k]] = codes[corner[next3(k)]] = marked;
     }
 }
 
-/* The nearest float that is not below. */
-static float round_up(double value)
+static void number_seam(struct trace *trace, uint32_t vertex)
 {
-    float rounded = (float)value;
-    return rounded < value ? nextafterf(rounded, INFINITY) : rounded;
+    trace->scratch->seam_vertices[trace->seam_vertex_count] =
+        local_vertex_number(trace->local, vertex);
+    trace->scratch->codes[vertex] =
+        (uint32_t)KIND_SEAM << CODE_SHIFT | (uint32_t)trace->seam_vertex_count++;
 }
 
-static float clamp_float(double value)
+enum status trace_number_seams(struct trace *trace)
 {
-    return value > 3.4e38 ? 3.4e38f : (float)value;
+    const struct slab_local *local = trace->local;
+    struct trace_workspace *scratch = trace->scratch;
+    uint32_t *codes = scratch->codes;
+    size_t most = 2 * local->seam_links + local->vertex_count - local->own_count;
+    enum status status =
+        memory_reserve(trace->ctx, &scratch->seam_vertices, &scratch->seam_vertex_capacity, most,
+                       sizeof *scratch->seam_vertices);
+    if (status)
+        return status;
+    memset(codes, 0xff, local->vertex_count * sizeof *codes);
+    if (local->seam_links)
+        mark_seams(trace);
+    /* In the order of store numbers: foreign ones below the slab's range, its own, those above. */
+    uint32_t foreign = local->own_count;
+    while (foreign < local->vertex_count &&
+           local_vertex_number(local, foreign) < local->vertex_first)
+        number_seam(trace, foreign++);
+    for (uint32_t v = 0; v < local->own_count && local->seam_links; v++)
+        if (codes[v] != CODE_NONE)
+            number_seam(trace, v);
+    while (foreign < local->vertex_count)
+        number_seam(trace, foreign++);
+    return STATUS_OK;
 }
 
-static void fill_patches(struct trace *trace, struct chain_block *block)
+enum status trace_take_seams(struct trace *trace, const struct chain_block *block,
+                             struct slab_seams *seams)
 {
-    uint32_t interior = block->vertex_count - (uint32_t)trace->patch_interior_count;
-    uint32_t diagonal = 0;
-    for (uint32_t p = 0; p < trace->patch_count; p++) {
-        const struct patch_sum *sum = trace->scratch->sums + p;
-        struct patch *patch = block->patches + p;
-        (void)unit_decode(unit_encode(sum->normal), patch->normal); /* as the file will give it */
-        patch->area = clamp_float(0.5 * sum->area);
-        patch->deviation = sum->interior_count ? round_up(sum->distance[0]) : 0;
-        patch->interior_first = interior;
-        patch->interior_count = sum->interior_count;
-        patch->diagonal_first = diagonal;
-        patch->diagonal_count = sum->interior_count ? 0 : sum->loop_count - 3;
-        interior += patch->interior_count;
-        diagonal += patch->diagonal_count;
+    const struct trace_workspace *scratch = trace->scratch;
+    struct context *ctx = trace->ctx;
+    const size_t vertices = trace->seam_vertex_count;
+    seams->slab = block->slab;
+    seams->block_junctions = block->junction_count;
+    seams->vertex_count = vertices;
+    seams->edge_count = trace->seam_edge_count;
+    seams->junction_count = trace->touched_count;
+    enum status status = memory_take(ctx, vertices, sizeof *seams->vertices, &seams->vertices);
+    if (!status)
+        status = memory_take(ctx, vertices, 3 * sizeof *seams->positions, &seams->positions);
+    if (!status)
+        status = memory_take(ctx, seams->edge_count, sizeof *seams->edges, &seams->edges);
+    if (!status)
+        status =
+            memory_take(ctx, seams->junction_count, sizeof *seams->junctions, &seams->junctions);
+    if (status)
+        return status;
+    if (vertices) {
+        memcpy(seams->vertices, scratch->seam_vertices, vertices * sizeof *seams->vertices);
+        memcpy(seams->positions, block->positions + 3 * (size_t)block->junction_count,
+               vertices * (3 * sizeof *seams->positions));
     }
+    if (seams->edge_count)
+        memcpy(seams->edges, scratch->seam_edges, seams->edge_count * sizeof *seams->edges);
+    size_t next = 0;
+    for (uint32_t v = 0; v < trace->local->vertex_count && next < seams->junction_count; v++)
+        if (code_kind(scratch->codes[v]) == KIND_SEAM && scratch->codes[v] & CODE_TOUCHED)
+            seams->junctions[next++] = local_vertex_number(trace->local, v);
+    return STATUS_OK;
 }
 
 /* ---- the block ---- */
 
-static uint32_t block_vertex(const struct trace *trace, uint32_t vertex)
+/* What to add to a code's number, by its kind; a vertex that is on no chain has none. */
+static inline uint32_t block_number(const uint32_t bases[4], uint32_t code)
 {
-    uint32_t number = trace->scratch->numbers[vertex];
-    return trace->scratch->kinds[vertex] & KIND_SEAM ? trace->junction_count + number : number;
+    return bases[code >> CODE_SHIFT] + (code & CODE_NUMBER);
 }
 
-static enum status take_block(struct trace *trace, uint32_t stride, struct chain_block *block)
+static void number_chains(struct trace *trace, const uint32_t bases[4])
 {
-    for (uint32_t p = 0; p < trace->patch_count; p++) {
-        const struct patch_sum *sum = trace->scratch->sums + p;
-        trace->patch_interior_count += sum->interior_count;
-        trace->diagonal_count += sum->interior_count ? 0 : sum->loop_count - 3;
+    struct chain *chains = trace->scratch->chains;
+    for (size_t i = 0; i < trace->chain_count; i++) {
+        chains[i].start = block_number(bases, chains[i].start);
+        chains[i].end = block_number(bases, chains[i].end);
+        chains[i].interior_first += bases[KIND_CHAIN];
     }
-    size_t vertices = (size_t)trace->junction_count + trace->seam_vertex_count +
-                      trace->interior_count + trace->patch_interior_count;
-    block->slab = trace->slab->index;
-    block->vertex_count = (uint32_t)vertices;
-    block->junction_count = trace->junction_count;
-    block->seam_vertex_count = trace->seam_vertex_count;
-    block->chain_count = (uint32_t)trace->chain_count;
-    block->patch_count = trace->patch_count;
-    block->diagonal_count = (uint32_t)trace->diagonal_count;
-    struct context *ctx = trace->ctx;
-    enum status status = memory_take(ctx, vertices, 3 * sizeof(float), &block->positions);
-    if (!status && stride)
-        status = memory_take(ctx, vertices, stride, &block->records);
+}
+
+static enum status number_diagonals(struct trace *trace, const uint32_t bases[4])
+{
+    const uint32_t *codes = trace->scratch->codes;
+    uint32_t *diagonals = trace->scratch->diagonals;
+    bool is_sound = true;
+    for (size_t i = 0; i < 2 * trace->diagonal_count; i++) {
+        uint32_t code = codes[diagonals[i]];
+        is_sound &= code != CODE_NONE;
+        diagonals[i] = block_number(bases, code);
+    }
+    return is_sound ? STATUS_OK : trace_fail(trace, "a patch is no disk");
+}
+
+/* Copies the values of local vertices to the block's vertices from `to` on. */
+static enum status gather_vertices(struct trace *trace, struct store *store, uint32_t stride,
+                                   const uint32_t *vertices, size_t count, size_t to)
+{
+    const struct slab_local *local = trace->local;
+    float *positions = trace->scratch->positions + 3 * to;
+    for (size_t i = 0; i < count; i++)
+        memcpy(positions + 3 * i, local->positions + 3 * (size_t)vertices[i], 3 * sizeof(float));
+    enum status status = STATUS_OK;
+    for (size_t i = 0; i < count && stride && !status; i++) {
+        unsigned char *record = trace->scratch->records + (to + i) * stride;
+        if (vertices[i] >= local->own_count)
+            status = store_record(store, local_vertex_number(local, vertices[i]), record);
+        else
+            memcpy(record, trace->slab->records + (size_t)vertices[i] * stride, stride);
+    }
+    return status;
+}
+
+/* The seam vertices as local ones again: foreign below, own, foreign above, as they were numbered.
+ */
+static uint32_t local_seam_vertex(const struct slab_local *local, uint32_t number,
+                                  uint32_t *foreign)
+{
+    uint32_t own = number - local->vertex_first;
+    return own < local->own_count ? own : local->own_count + (*foreign)++;
+}
+
+static enum status gather_all(struct trace *trace, struct store *store, uint32_t stride)
+{
+    struct trace_workspace *scratch = trace->scratch;
+    size_t to = 0;
+    enum status status =
+        gather_vertices(trace, store, stride, scratch->junctions, trace->junction_count, to);
+    to += trace->junction_count;
+    uint32_t foreign = 0;
+    for (size_t i = 0; i < trace->seam_vertex_count && !status; i++) {
+        uint32_t vertex = local_seam_vertex(trace->local, scratch->seam_vertices[i], &foreign);
+        status = gather_vertices(trace, store, stride, &vertex, 1, to++);
+    }
     if (!status)
         status =
-            memory_take(ctx, trace->seam_vertex_count, sizeof(uint32_t), &block->seam_vertices);
+            gather_vertices(trace, store, stride, scratch->interiors, trace->interior_count, to);
+    to += trace->interior_count;
     if (!status)
-        status = memory_take(ctx, trace->chain_count, sizeof *block->chains, &block->chains);
-    if (!status)
-        status = memory_take(ctx, trace->patch_count, sizeof *block->patches, &block->patches);
-    if (!status)
-        status = memory_take(ctx, trace->diagonal_count, 2 * sizeof(uint32_t), &block->diagonals);
-    return status;
-}
-
-/* Where the values of local vertices go: position and attributes. */
-struct vertex_copy {
-    struct store *store;
-    uint32_t stride;
-};
-
-static enum status copy_vertex(struct trace *trace, const struct vertex_copy *copy,
-                               struct chain_block *block, uint32_t to, uint32_t vertex)
-{
-    const struct slab_local *local = trace->local;
-    memcpy(block->positions + 3 * (size_t)to, local->positions + 3 * (size_t)vertex,
-           3 * sizeof(float));
-    if (copy->stride == 0)
-        return STATUS_OK;
-    unsigned char *record = block->records + (size_t)to * copy->stride;
-    if (vertex >= local->own_count)
-        return store_record(copy->store, local_vertex_number(local, vertex), record);
-    memcpy(record, trace->slab->records + (size_t)vertex * copy->stride, copy->stride);
-    return STATUS_OK;
-}
-
-/* Junctions and seam vertices by their numbers; then interiors in order. */
-static enum status fill_vertices(struct trace *trace, const struct vertex_copy *copy,
-                                 struct chain_block *block)
-{
-    const struct slab_local *local = trace->local;
-    const struct trace_workspace *scratch = trace->scratch;
-    enum status status = STATUS_OK;
-    for (uint32_t v = 0; v < local->vertex_count && !status; v++) {
-        if (!(scratch->kinds[v] & (KIND_SEAM | KIND_JUNCTION)))
-            continue;
-        if (scratch->kinds[v] & KIND_SEAM)
-            block->seam_vertices[scratch->numbers[v]] = local_vertex_number(local, v);
-        status = copy_vertex(trace, copy, block, block_vertex(trace, v), v);
-    }
-    uint32_t next = trace->junction_count + trace->seam_vertex_count;
-    for (size_t i = 0; i < trace->interior_count && !status; i++)
-        status = copy_vertex(trace, copy, block, next++, scratch->interiors[i]);
-    for (uint32_t p = 0; p < trace->patch_count && !status; p++) {
-        const struct patch_sum *sum = scratch->sums + p;
-        for (uint32_t i = 0; i < sum->interior_count && !status; i++)
-            status = copy_vertex(trace, copy, block, next++, sum->interior[i]);
-    }
-    return status;
-}
-
-static void fill_chains(struct trace *trace, struct chain_block *block)
-{
-    uint32_t interior = trace->junction_count + trace->seam_vertex_count;
-    uint32_t *numbers = trace->scratch->numbers;
-    for (size_t i = 0; i < trace->chain_count; i++) {
-        struct chain chain = trace->scratch->chains[i];
-        chain.start = block_vertex(trace, chain.start);
-        chain.end = block_vertex(trace, chain.end);
-        for (uint32_t j = 0; j < chain.interior_count; j++)
-            numbers[trace->scratch->interiors[chain.interior_first + j]] =
-                interior + chain.interior_first + j;
-        chain.interior_first += interior;
-        block->chains[i] = chain;
-    }
-}
-
-/* Block number of a boundary vertex once fill_chains has numbered the chains' interiors. */
-static uint32_t boundary_vertex(const struct trace *trace, uint32_t vertex)
-{
-    return trace->scratch->kinds[vertex] & KIND_SEAM ? block_vertex(trace, vertex)
-                                                     : trace->scratch->numbers[vertex];
-}
-
-/* A patch of F faces without interior vertices has F + 2 boundary vertices and F - 1 edges inside:
- * its diagonals, each taken from the lower of its two faces. */
-static enum status fill_diagonals(struct trace *trace, struct chain_block *block)
-{
-    const struct slab_local *local = trace->local;
-    if (trace->diagonal_count == 0)
-        return STATUS_OK;
-    uint32_t *filled;
-    enum status status =
-        memory_take_zeroed(trace->ctx, trace->patch_count, sizeof *filled, &filled);
-    if (status)
-        return status;
-    for (uint32_t f = 0; f < local->face_count && !status; f++) {
-        uint32_t label = trace->labels[f];
-        const struct patch *patch = block->patches + label;
-        if (patch->diagonal_count == 0)
-            continue;
-        for (unsigned k = 0; k < 3; k++) {
-            uint32_t link = local->links[3 * (size_t)f + k];
-            if (!link_is_face(link) || link >> 2 < f || trace->labels[link >> 2] != label)
-                continue;
-            if (filled[label] == patch->diagonal_count) {
-                status = trace_fail(trace, "a patch is no disk");
-                break;
-            }
-            uint32_t *diagonal =
-                block->diagonals + 2 * ((size_t)patch->diagonal_first + filled[label]++);
-            diagonal[0] = boundary_vertex(trace, local->corners[3 * (size_t)f + k]);
-            diagonal[1] = boundary_vertex(trace, local->corners[3 * (size_t)f + next3(k)]);
-        }
-    }
-    for (uint32_t p = 0; p < trace->patch_count && !status; p++)
-        if (filled[p] != block->patches[p].diagonal_count)
-            status = trace_fail(trace, "a patch is no disk");
-    memory_release(trace->ctx, &filled, trace->patch_count, sizeof *filled);
+        status = gather_vertices(trace, store, stride, scratch->patch_interiors,
+                                 trace->patch_interior_count, to);
     return status;
 }
 
 enum status trace_make_block(struct trace *trace, struct store *store, uint32_t stride,
                              struct chain_block *block)
 {
-    struct vertex_copy copy = {.store = store, .stride = stride};
-    enum status status = take_block(trace, stride, block);
-    if (status)
-        return status;
-    fill_patches(trace, block);
-    status = fill_vertices(trace, &copy, block);
-    if (status)
-        return status;
-    fill_chains(trace, block);
-    return fill_diagonals(trace, block);
-}
-
-enum status trace_take_seams(struct trace *trace, struct slab_seams *seams)
-{
-    const struct trace_workspace *scratch = trace->scratch;
-    seams->edge_count = trace->seam_edge_count;
-    seams->junction_count = trace->touched_count;
-    enum status status =
-        memory_take(trace->ctx, seams->edge_count, sizeof *seams->edges, &seams->edges);
+    struct trace_workspace *scratch = trace->scratch;
+    const size_t interior_first = trace->junction_count + trace->seam_vertex_count;
+    const size_t patch_interior_first = interior_first + trace->interior_count;
+    const size_t vertices = patch_interior_first + trace->patch_interior_count;
+    const uint32_t bases[4] = {[KIND_JUNCTION] = 0,
+                               [KIND_CHAIN] = (uint32_t)interior_first,
+                               [KIND_SEAM] = (uint32_t)trace->junction_count};
+    enum status status = memory_reserve(trace->ctx, &scratch->positions,
+                                        &scratch->position_capacity, vertices, 3 * sizeof(float));
     if (!status)
-        status = memory_take(trace->ctx, seams->junction_count, sizeof *seams->junctions,
-                             &seams->junctions);
+        status = memory_reserve(trace->ctx, &scratch->records, &scratch->record_capacity,
+                                vertices * stride, 1);
+    if (!status)
+        status = gather_all(trace, store, stride);
+    if (!status)
+        status = number_diagonals(trace, bases);
     if (status)
         return status;
-    if (seams->edge_count)
-        memcpy(seams->edges, scratch->seam_edges, seams->edge_count * sizeof *seams->edges);
-    size_t next = 0;
-    for (uint32_t v = 0; v < trace->local->vertex_count; v++)
-        if (scratch->kinds[v] & KIND_TOUCHED)
-            seams->junctions[next++] = local_vertex_number(trace->local, v);
+    number_chains(trace, bases);
+    for (size_t p = 0; p < trace->patch_count; p++)
+        scratch->patches[p].interior_first += (uint32_t)patch_interior_first;
+    *block = (struct chain_block){.slab = trace->slab->index,
+                                  .vertex_count = (uint32_t)vertices,
+                                  .junction_count = (uint32_t)trace->junction_count,
+                                  .seam_vertex_count = (uint32_t)trace->seam_vertex_count,
+                                  .chain_count = (uint32_t)trace->chain_count,
+                                  .patch_count = (uint32_t)trace->patch_count,
+                                  .diagonal_count = (uint32_t)trace->diagonal_count,
+                                  .positions = scratch->positions,
+                                  .records = stride ? scratch->records : NULL,
+                                  .seam_vertices = scratch->seam_vertices,
+                                  .chains = scratch->chains,
+                                  .patches = scratch->patches,
+                                  .diagonals = scratch->diagonals};
     return STATUS_OK;
 }

@@ -168,7 +168,8 @@ def read_block(raw, slab, stride):
     rights = []
     for left in lefts:
         difference = source.varint()
-        rights.append(left + difference if difference else None)
+        must(difference <= left, 'right patch')
+        rights.append(left - difference if difference else None)
     counts = [source.varint() for _ in range(chain_count)]
     must(sum(counts) == chain_total, 'interiors of the chains')
     named, seam, first = 0, 0, junctions + seams
@@ -190,7 +191,6 @@ def read_block(raw, slab, stride):
         interior = list(range(first, first + counts[i]))
         first += counts[i]
         must(lefts[i] < patch_count, 'left patch')
-        must(rights[i] is None or rights[i] < patch_count, 'right patch')
         block.chains.append((lefts[i], rights[i], [ends[0]] + interior + [ends[1]]))
     must(named == junctions, 'junctions')
 
@@ -318,7 +318,7 @@ def check_loops(block):
 def summarise(path, show_all):
     with open(path, 'rb') as file:
         data = file.read()
-    sections, order = read_sections(data, b'spbmCHN1', 1)
+    sections, order = read_sections(data, b'spbmCHN1', 2)
     must(order == ['BLKS', 'SEAM', 'INDX', 'INFO'], 'sections')
     info = read_info(sections['INFO'])
     must(len(sections['INDX']) == 8 * info['slabs'], 'size of INDX')

@@ -418,18 +418,13 @@ static void forged_fields_are_told(void **unused)
     struct fixture fixture;
     begin_sphere(&fixture);
     struct chain_block *block = &fixture.set.blocks[2];
-    uint32_t patch = 0, plain = 0;
+    uint32_t patch = 0;
     while (block->patches[patch].diagonal_count == 0)
         patch++;
-    while (block->chains[plain].start >= block->junction_count ||
-           block->chains[plain].right == NO_PATCH)
-        plain++;
     float nan_value = NAN, minus = -1;
     forged_field_is_told(&fixture, &block->positions[30], &nan_value, 4, "not finite");
     forged_field_is_told(&fixture, &block->patches[1].area, &minus, 4, "negative");
     forged_field_is_told(&fixture, &block->patches[1].deviation, &nan_value, 4, "not finite");
-    uint32_t out = block->patch_count;
-    forged_field_is_told(&fixture, &block->chains[plain].right, &out, 4, "right patch");
     struct chain *known = chain_of_known_junctions(block);
     forged_field_is_told(&fixture, &known->end, &known->start, 4, "equal");
     uint32_t *diagonal = block->diagonals + 2 * (size_t)block->patches[patch].diagonal_first;
@@ -443,6 +438,29 @@ static void forged_fields_are_told(void **unused)
                          block->junction_count ? "no seam vertex" : "");
     seam += block->seam_chain_count - 1;
     forged_field_is_told(&fixture, &seam->left, &block->patch_count, 4, "left patch");
+    end(&fixture);
+}
+
+/* No block can have a right patch out of range, so its byte in the column is forged. */
+static void forged_right_patch_is_told(void **unused)
+{
+    (void)unused;
+    struct fixture fixture;
+    begin_sphere(&fixture);
+    const struct chain_block *block = &fixture.set.blocks[2];
+    unsigned char *raw;
+    size_t capacity, size;
+    char error[1024];
+    must(chain_block_encode(&fixture.ctx, block, 0, &raw, &capacity, &size));
+    unsigned char *at = raw; /* behind seven counts, the seam vertices and the left patches */
+    for (uint32_t numbers = 7 + block->seam_vertex_count + block->chain_count; numbers > 0; at++)
+        numbers -= *at < 128;
+    assert_true(block->chains[0].left < 127 && *at < 127);
+    *at = 127;
+    write_forged(&fixture, 2, raw, size, &fixture.set.info);
+    assert_int_equal(read_all(fixture.path, error, sizeof error), STATUS_BAD_INPUT);
+    assert_non_null(strstr(error, "right patch"));
+    memory_release(&fixture.ctx, &raw, capacity, 1);
     end(&fixture);
 }
 
@@ -677,6 +695,7 @@ int main(void)
         cmocka_unit_test(forged_bytes_do_no_harm),
         cmocka_unit_test(forged_seams_do_no_harm),
         cmocka_unit_test(forged_fields_are_told),
+        cmocka_unit_test(forged_right_patch_is_told),
         cmocka_unit_test(forged_loops_are_told),
         cmocka_unit_test(touching_fans_are_told),
         cmocka_unit_test(check_compares_blocks_and_counts),
