@@ -14,7 +14,8 @@
 
 struct collapse_options {
     bool subset;     /* keep input vertices where they are */
-    uint32_t effort; /* 1: fastest, batches of independent edges; 2: default; 3: most accurate */
+    uint32_t effort; /* 1: fastest, batches of edges of about the same cost; 2: default, smaller
+                        batches; 3: smaller still */
     double border_weight; /* of the boundary term; 0: the default */
     bool keep_guards;     /* rather stop than make slivers and turn faces over, where only these
                              stand in the way of fewer faces */
