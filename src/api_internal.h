@@ -24,7 +24,48 @@ struct spbm_job {
 struct context *call_begin(spbm_job *job);
 spbm_status call_end(spbm_job *job, enum status status);
 
+/* ---- limits ---- */
+
+enum run_stage { STAGE_IMPORT, STAGE_PATCHIFY, STAGE_LOD, RUN_STAGES };
+
+/* What is known of a job's size; zeros where nothing is. */
+struct run_size {
+    uint64_t faces;
+    uint32_t stride; /* bytes of a vertex's attributes */
+    struct target target;
+};
+
+/* The user's budget for the process; UINT64_MAX: none. */
+static inline uint64_t job_memory(const struct spbm_job *job)
+{
+    return job->settings.memory ? job->settings.memory : UINT64_MAX;
+}
+
+const char *stage_name(enum run_stage stage);
+/* Of the process, with all that is set aside. */
+uint64_t stage_least_memory(enum run_stage stage, const struct run_size *size, unsigned threads);
+/* Sets the context's limits to what `threads` threads leave of `memory`. */
+void budget_begin(struct context *ctx, uint64_t memory, unsigned threads);
+/* STATUS_NO_MEMORY, with what is needed, if a stage from `first` to `last` cannot do even with one
+ * thread. */
+enum status stages_fit(struct spbm_job *job, enum run_stage first, enum run_stage last,
+                       const struct run_size *size) MUST_CHECK;
+/* The same of one stage that begins now, and limits its threads to what fits. */
+enum status stage_begin(struct spbm_job *job, enum run_stage stage,
+                        const struct run_size *size) MUST_CHECK;
+
 /* ---- temporary files ---- */
+
+/* Compression of chain files that are kept: level 6 takes three times as long and makes them 4 %
+ * smaller. Those of one run are not compressed. */
+enum { KEPT_LEVEL = 1 };
+
+/* What lod_build does not report: the figures that words about a level need. */
+enum status read_chain_info(struct context *ctx, const char *chains,
+                            struct chain_info *info) MUST_CHECK;
+enum status make_levels(struct context *ctx, const char *chains, const char *output,
+                        const spbm_target *target, const spbm_lod_options *options,
+                        struct lod_report *report) MUST_CHECK;
 
 /* Where store and chain file of a whole run lie: kept under names, or in files without one. */
 struct workspace {
@@ -40,10 +81,14 @@ struct workspace {
 /* Nothing is open yet. */
 void workspace_init(struct workspace *work, struct context *ctx);
 
+/* mesh.store and mesh.chains in `keep_dir`, which is made if need be. */
+enum status workspace_keep(struct workspace *work, const char *keep_dir) MUST_CHECK;
 /* Opens both without a name, where `output` lies if nothing else is said; fds are -1 before. */
 enum status workspace_hide(struct workspace *work, const char *output) MUST_CHECK;
 /* Opens the other two; after the first two or in their place. */
 enum status workspace_hide_raw(struct workspace *work, const char *output) MUST_CHECK;
+/* Closes one of them, which gives its space back, and sets it to -1. Safe when it is. */
+void close_hidden(int *fd);
 /* Gives the temporary file's words instead of its path in /proc. */
 void workspace_explain(struct workspace *work);
 void workspace_close(struct workspace *work);

@@ -106,7 +106,8 @@ static void note_stage(struct context *ctx, spbm_topology_report *report, const 
                                      1e-9 * (double)(wall[1].tv_nsec - wall[0].tv_nsec),
                      .cpu_seconds = (double)(cpu[1].tv_sec - cpu[0].tv_sec) +
                                     1e-9 * (double)(cpu[1].tv_nsec - cpu[0].tv_nsec),
-                     .memory_peak = atomic_load(&ctx->memory_peak)};
+                     .memory_peak = atomic_load(&ctx->memory_peak),
+                     .threads = ctx->threads};
 }
 
 static void read_clocks(struct timespec *wall, struct timespec *cpu)
@@ -146,8 +147,8 @@ static enum status read_figures(struct context *ctx, const char *path, spbm_stor
     return status;
 }
 
-static enum status run_topology(struct workspace *work, const char *const *inputs,
-                                size_t input_count, const char *output,
+static enum status run_topology(struct spbm_job *job, struct workspace *work,
+                                const char *const *inputs, size_t input_count, const char *output,
                                 const spbm_topology_options *options, spbm_topology_report *report)
 {
     struct context *ctx = work->ctx;
@@ -160,11 +161,14 @@ static enum status run_topology(struct workspace *work, const char *const *input
     read_clocks(&wall[0], &cpu[0]);
     if (!has_store) {
         struct import_options import = {.weld = options->import.weld != 0};
-        status = store_build(ctx, inputs, input_count, store, &import, NULL);
+        status = stage_begin(job, STAGE_IMPORT, &(struct run_size){0});
+        if (status == STATUS_OK)
+            status = store_build(ctx, inputs, input_count, store, &import, NULL);
         read_clocks(&wall[1], &cpu[1]);
         note_stage(ctx, report, "import", wall, cpu);
         wall[0] = wall[1];
         cpu[0] = cpu[1];
+        budget_begin(ctx, job_memory(job), job->settings.threads);
     }
     if (status == STATUS_OK)
         status = read_figures(ctx, store, &report->store);
@@ -200,7 +204,7 @@ spbm_status spbm_simplify_topology(spbm_job *job, const char *const *inputs, siz
     if (status == STATUS_OK)
         status = workspace_hide(&work, output);
     if (status == STATUS_OK)
-        status = run_topology(&work, inputs, input_count, output, options, report);
+        status = run_topology(job, &work, inputs, input_count, output, options, report);
     workspace_explain(&work);
     workspace_close(&work);
     return call_end(job, status);

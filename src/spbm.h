@@ -87,7 +87,11 @@ typedef enum spbm_message_kind {
  * never two of progress and message at a time; they must not call the library with the same job.
  */
 typedef struct spbm_settings {
-    uint64_t memory;     /* budget in bytes; 0: no limit */
+    /* Budget in bytes; 0: no limit. It is what the whole process may have resident: some MiB are set
+     * aside for code, libraries and threads, and calls get the rest. Stages that need more than that
+     * with one thread fail with SPBM_NO_MEMORY and say what they need; else they use as many of the
+     * threads as fit. */
+    uint64_t memory;
     uint32_t threads;    /* at least 1 */
     uint32_t cpu_cap;    /* highest vector level to use, for tests; UINT32_MAX: no cap */
     const char *tmp_dir; /* for temporary files; NULL: beside the output */
@@ -143,7 +147,9 @@ typedef struct spbm_stage {
     const char *name; /* "import", "patchify", "lod"; static */
     double wall_seconds;
     double cpu_seconds;   /* of all threads of the process */
-    uint64_t memory_peak; /* most bytes that the job had allocated so far; without mapped pages */
+    uint64_t memory_peak; /* most bytes that the job had allocated or mapped so far */
+    uint32_t threads;     /* that it used: fewer than asked for where the memory has room for fewer */
+    int resumed;          /* not done: an earlier run had finished it */
 } spbm_stage;
 
 /* What import dropped and mended. All are counts. */
@@ -472,10 +478,15 @@ typedef struct spbm_simplify_options {
     spbm_lod_options lod;
     const char *keep_dir; /* NULL: store and chain file are temporary; else they are kept there as
                              mesh.store and mesh.chains, and the directory is made if need be */
+    const char *resume_dir; /* NULL: a run that does not finish leaves nothing. Else finished stages
+                               are kept in a folder there, named by inputs and options, while the
+                               run lasts; if it ends otherwise than by finishing (even by SIGKILL)
+                               or by bad input, the same call goes on from them. Not together with
+                               keep_dir, nor with standard input. */
     const spbm_topology_options *topology; /* NULL: topology stays as it is; else small features go
                                               before patches are grown, and mesh.store holds what
                                               is left. Its import, format and sync do not count */
-    uint64_t reserved[8];
+    uint64_t reserved[7];
 } spbm_simplify_options;
 
 SPBM_API void spbm_simplify_defaults(spbm_simplify_options *options);

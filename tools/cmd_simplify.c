@@ -16,6 +16,7 @@ spbm_status cmd_simplify(struct run *run)
     simplify.patch = options->patch;
     simplify.lod = options->lod;
     simplify.keep_dir = options->keep_dir;
+    simplify.resume_dir = options->resume ? options->tmp_dir : NULL;
     spbm_topology_options topology = options->topology;
     if (options->has_topology) {
         report_removed(&run->report, &topology);

@@ -50,6 +50,10 @@ const struct option_row option_rows[] = {
      "classic, optimal in mode collapse)"},
     {OPTION_KEEP, GROUP_KEEP, 0, "keep", "DIR",
      "keep DIR/mesh.store and DIR/mesh.chains (default: temporary)"},
+    {OPTION_RESUME, GROUP_KEEP, 0, "resume", NULL,
+     "keep finished stages in a folder in --tmp DIR until the run is\n"
+     "done; after a crash or kill the same command goes on from them\n"
+     "(default: off)"},
     {OPTION_SAMPLES, GROUP_MEASURE, 0, "samples", "N",
      "samples for each face of the simplified mesh (default: 10)"},
     {OPTION_SELF_INTERSECTIONS, GROUP_MEASURE, 0, "self-intersections", NULL,

@@ -358,6 +358,9 @@ static void take_option(struct parser *parser, const struct option_row *row, con
     case OPTION_KEEP:
         options->keep_dir = value;
         break;
+    case OPTION_RESUME:
+        options->resume = true;
+        break;
     default:
         options->has_topology |= row->group == GROUP_TOPOLOGY;
         if (row->group == GROUP_TOPOLOGY)
@@ -523,6 +526,10 @@ static void settle(struct parser *parser)
     if (options->json && options->output && strcmp(options->json, "-") == 0 &&
         strcmp(options->output, "-") == 0)
         misuse(parser, "--json - and -o - cannot both go to standard output");
+    if (options->resume && !options->tmp_dir)
+        misuse(parser, "--resume needs --tmp DIR: where finished stages are kept");
+    if (options->resume && options->keep_dir)
+        misuse(parser, "--resume and --keep cannot both be given");
     if (options->quiet && options->verbose)
         misuse(parser, "--quiet and --verbose cannot both be given");
 }

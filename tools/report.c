@@ -57,6 +57,8 @@ void report_begin(struct report *report, const struct command *command,
     report->cpu_began = cpu_seconds();
     report->words = options->quiet ? NULL : stderr;
     report->verbose = options->verbose;
+    report->budget = limits->memory;
+    report->budget_from = limits->memory_from;
     report->root = json_object();
     report->messages = json_array();
     report->stages = json_array();
@@ -128,8 +130,17 @@ void report_stage(struct report *report, const spbm_stage *stage)
     set_real(object, "wall_seconds", stage->wall_seconds);
     set_real(object, "cpu_seconds", stage->cpu_seconds);
     set_count(object, "allocated_peak", stage->memory_peak);
+    if (stage->threads > 0)
+        set_count(object, "threads", stage->threads);
+    else
+        set_json(object, "threads", NULL);
+    set_truth(object, "resumed", stage->resumed);
     (void)json_array_append_new(report->stages, object);
-    if (report->words && report->verbose)
+    if (!report->words)
+        return;
+    if (stage->resumed)
+        fprintf(report->words, "%s: was finished by an earlier run\n", stage->name);
+    else if (report->verbose)
         fprintf(report->words, "%s: %s wall, %s CPU, at most %s allocated\n", stage->name,
                 seconds_text(stage->wall_seconds).s, seconds_text(stage->cpu_seconds).s,
                 size_text(stage->memory_peak).s);
@@ -331,9 +342,9 @@ int report_finish(struct report *report, const struct options *options, const ch
     set_real(report->root, "cpu_seconds", cpu);
     set_count(report->root, "memory_peak", peak);
     if (report->words && report->counts[0])
-        fprintf(report->words, "spbm %s %s: %s; %s wall, %s CPU, peak memory %s\n", spbm_version(),
-                command, report->counts, seconds_text(wall).s, seconds_text(cpu).s,
-                size_text(peak).s);
+        fprintf(report->words, "spbm %s %s: %s; %s wall, %s CPU, peak memory %s of %s (%s)\n",
+                spbm_version(), command, report->counts, seconds_text(wall).s, seconds_text(cpu).s,
+                size_text(peak).s, size_text(report->budget).s, report->budget_from);
     if (options->json && !save_json(options->json, report->root)) {
         fprintf(stderr, "spbm: error: %s: the report cannot be written: %s\n", options->json,
                 strerror(errno));

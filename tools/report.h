@@ -17,6 +17,8 @@ struct report {
     json_t *stages;   /* borrowed from root */
     FILE *words;      /* where lines for people go: standard error; NULL: quiet */
     bool verbose;
+    uint64_t budget;         /* bytes, and where the figure comes from */
+    const char *budget_from; /* borrowed */
     double wall_began, cpu_began;
     char counts[256]; /* "1,087,716 faces in, 12,700 faces out" for the closing line */
 };

@@ -1,5 +1,5 @@
 /*
- * Outputs that appear whole or not at all, and reading at offsets.
+ * Outputs that appear whole or not at all, and temporary files.
  *
  * Writing straight into the final name leaves half a file behind whenever something stops the
  * program. So a regular output is written into a file that has no name yet (O_TMPFILE, so that even
@@ -7,17 +7,24 @@
  * final one; at the end it is synced, named and renamed over whatever was there before. What is not
  * a regular file is written directly, as a shell's redirection would be.
  *
+ * A SIGKILL between naming and renaming leaves a dotted name behind. A file that has one is locked
+ * (flock) by its writer, so that the next one who writes the same output can tell the dead writers'
+ * from the living, and removes them. (A process number in the name would not tell: numbers are used
+ * again.)
+ *
  * Every system call that can fail asks fault_due() first.
  */
 #include "base/file.h"
 
+#include <ctype.h>
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -119,9 +126,71 @@ static enum status with_free_name(struct context *ctx, const char *path,
     }
 }
 
+/* Where locks are not supported no one else can get one either, and nothing is ever removed. */
+static void lock_by_writer(int fd)
+{
+    (void)!flock(fd, LOCK_EX | LOCK_NB);
+}
+
 static int create_exclusively(struct context *ctx, const char *name, int mode)
 {
-    return descriptor_open(ctx, name, O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW, (mode_t)mode);
+    struct stat info;
+    int fd = descriptor_open(ctx, name, O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW, (mode_t)mode);
+    if (fd < 0)
+        return -1;
+    lock_by_writer(fd);
+    if (fstat(fd, &info) == 0 && info.st_nlink > 0)
+        return fd;
+    close(fd); /* taken for a dead writer's before it was locked: the next name */
+    errno = EEXIST;
+    return -1;
+}
+
+/* ---- what dead writers left ---- */
+
+/* Is it a dotted name of the file `stem`, as make_temp_name makes them? */
+static bool is_temp_name(const char *name, const char *stem)
+{
+    static const char mark[] = ".spbm-";
+    size_t length = strlen(stem);
+    if (name[0] != '.' || strncmp(name + 1, stem, length) != 0 ||
+        strncmp(name + 1 + length, mark, sizeof mark - 1) != 0)
+        return false;
+    const char *at = name + 1 + length + sizeof mark - 1;
+    unsigned numbers = 0;
+    for (; numbers < 2; numbers++) {
+        if (!isdigit((unsigned char)*at))
+            return false;
+        while (isdigit((unsigned char)*at))
+            at++;
+        if (*at++ != "-~"[numbers])
+            return false;
+    }
+    return *at == '\0';
+}
+
+static void remove_if_dead(int folder, const char *name)
+{
+    struct stat info;
+    int fd = openat(folder, name, O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    if (fd < 0)
+        return;
+    if (fstat(fd, &info) == 0 && S_ISREG(info.st_mode) && info.st_uid == geteuid() &&
+        flock(fd, LOCK_EX | LOCK_NB) == 0)
+        (void)!unlinkat(folder, name, 0);
+    close(fd);
+}
+
+/* Removes what dead writers of `path` left beside it. (A name that was cut to fit is not found.) */
+static void sweep_dead(const char *folder, const char *path)
+{
+    DIR *list = opendir(folder);
+    struct dirent *entry;
+    while (list && (entry = readdir(list)))
+        if (is_temp_name(entry->d_name, path + directory_length(path)))
+            remove_if_dead(dirfd(list), entry->d_name);
+    if (list)
+        closedir(list);
 }
 
 /* The name under which /proc shows an open file, so that one without a name can get one. */
@@ -152,8 +221,10 @@ static int create_nameless(const char *folder, mode_t mode)
         return -1;
     char self[32];
     name_by_descriptor(self, fd);
-    if (access(self, F_OK) == 0)
+    if (access(self, F_OK) == 0) {
+        lock_by_writer(fd);
         return fd;
+    }
     close(fd);
     return -1;
 }
@@ -203,6 +274,7 @@ static enum status open_beside(struct output *out, const char *path, bool exists
     status = directory_of(ctx, out->path, &folder);
     if (status != STATUS_OK)
         return status;
+    sweep_dead(folder, out->path);
     out->fd = fault_due(ctx) ? -1 : create_nameless(folder, 0666);
     release_text(ctx, &folder);
     if (out->fd >= 0)
@@ -214,7 +286,7 @@ enum status output_open(struct context *ctx, const char *path, struct output *ou
 {
     memset(out, 0, sizeof *out);
     out->ctx = ctx;
-    out->fd = -1;
+    out->fd = out->lock_fd = -1;
     out->is_open = true;
 
     if (path[0] == '\0') {
@@ -317,7 +389,8 @@ static enum status settle(struct output *out, bool sync)
         if (status != STATUS_OK)
             return status;
     }
-    /* Some file systems tell of failed writes only now. */
+    /* Some file systems tell of failed writes only now. The lock stays until the rename. */
+    out->lock_fd = fcntl(out->fd, F_DUPFD_CLOEXEC, 3);
     injected = fault_due(ctx);
     int closed = close(out->fd);
     out->fd = -1;
@@ -377,10 +450,12 @@ void output_discard(struct output *out)
         close(out->fd);
     if (out->temp_path)
         unlink(out->temp_path);
+    if (out->lock_fd >= 0)
+        close(out->lock_fd);
     release_text(out->ctx, &out->temp_path);
     release_text(out->ctx, &out->path);
     memory_release(out->ctx, &out->buffer, OUTPUT_BUFFER, 1);
-    out->fd = -1;
+    out->fd = out->lock_fd = -1;
     out->used = 0;
     out->is_open = false;
 }
@@ -438,6 +513,7 @@ enum status temp_open(struct context *ctx, const char *beside, int *fd)
     }
     *fd = open(folder, O_TMPFILE | O_EXCL | O_RDWR | O_CLOEXEC, 0600);
     if (*fd < 0) {
+        sweep_dead(folder, place);
         status = with_free_name(ctx, place, create_exclusively, 0600, fd, &name);
         if (status == STATUS_OK)
             unlink(name);
@@ -447,111 +523,4 @@ done:
     release_text(ctx, &folder);
     release_text(ctx, &place);
     return status;
-}
-
-/* ---- reading ---- */
-
-enum status input_open(struct context *ctx, const char *path, struct input_file *file)
-{
-    memset(file, 0, sizeof *file);
-    file->ctx = ctx;
-    /* O_NONBLOCK: a pipe is refused, not waited for. It means nothing to a regular file. */
-    file->fd = descriptor_open(ctx, path, O_RDONLY | O_NONBLOCK, 0);
-    if (file->fd < 0)
-        return fail_errno(ctx, errno, "%s: cannot open", path);
-
-    struct stat info;
-    enum status status = STATUS_OK;
-    if (fault_due(ctx) || fstat(file->fd, &info) != 0)
-        status = fail_errno(ctx, EIO, "%s: cannot be examined", path);
-    else if (S_ISDIR(info.st_mode))
-        status = fail(ctx, STATUS_BAD_INPUT, "%s: is a directory", path);
-    else if (!S_ISREG(info.st_mode))
-        status = fail(ctx, STATUS_BAD_INPUT,
-                      "%s: is not a regular file, and this format needs one (it is mapped)", path);
-    else
-        status = copy_text(ctx, path, &file->path);
-    if (status != STATUS_OK) {
-        input_close(file);
-        return status;
-    }
-    file->size = (uint64_t)info.st_size;
-    return STATUS_OK;
-}
-
-void input_close(struct input_file *file)
-{
-    if (!file->ctx)
-        return;
-    if (file->fd >= 0)
-        close(file->fd);
-    release_text(file->ctx, &file->path);
-    memset(file, 0, sizeof *file);
-    file->fd = -1;
-}
-
-enum status input_read(struct input_file *file, uint64_t offset, void *to, size_t size)
-{
-    uint64_t end;
-    if (add_overflows(offset, size, &end) || end > file->size)
-        return fail(file->ctx, STATUS_BAD_INPUT,
-                    "%s: the file ends at byte %llu, but %zu bytes at %llu were to be read",
-                    file->path, (unsigned long long)file->size, size, (unsigned long long)offset);
-    return descriptor_read_at(file->ctx, file->fd, file->path, offset, to, size);
-}
-
-enum status window_open(struct input_file *file, uint64_t offset, uint64_t size,
-                        struct window *window)
-{
-    static const unsigned char nothing;
-    memset(window, 0, sizeof *window);
-    uint64_t end;
-    struct stat info;
-    if (add_overflows(offset, size, &end) || end > file->size)
-        return fail(file->ctx, STATUS_BAD_INPUT,
-                    "%s: the file ends at byte %llu, but %llu bytes at %llu were to be mapped",
-                    file->path, (unsigned long long)file->size, (unsigned long long)size,
-                    (unsigned long long)offset);
-    if (size == 0) {
-        window->data = &nothing;
-        return STATUS_OK;
-    }
-    /* The size may have changed since: a map beyond the end would be a SIGBUS. */
-    if (fstat(file->fd, &info) != 0 || (uint64_t)info.st_size < end)
-        return fail(file->ctx, STATUS_BAD_INPUT, "%s: the file has become shorter", file->path);
-
-    uint64_t page = (uint64_t)sysconf(_SC_PAGESIZE);
-    uint64_t before = offset % page;
-    if (size > SIZE_MAX - before)
-        return fail(file->ctx, STATUS_NO_MEMORY, "%s: %llu bytes are too many to map", file->path,
-                    (unsigned long long)size);
-    size_t map_size = (size_t)(size + before);
-    enum status status = memory_hold(file->ctx, map_size);
-    if (status != STATUS_OK)
-        return status;
-    void *map = MAP_FAILED;
-    if (fault_due(file->ctx))
-        errno = ENOMEM;
-    else
-        map = mmap(NULL, map_size, PROT_READ, MAP_SHARED, file->fd, (off_t)(offset - before));
-    if (map == MAP_FAILED) {
-        int error = errno;
-        memory_unhold(file->ctx, map_size);
-        return fail_errno(file->ctx, error, "%s: cannot map", file->path);
-    }
-    window->ctx = file->ctx;
-    window->map = map;
-    window->map_size = map_size;
-    window->data = (const unsigned char *)map + before;
-    window->size = (size_t)size;
-    return STATUS_OK;
-}
-
-void window_close(struct window *window)
-{
-    if (window->map) {
-        munmap(window->map, window->map_size);
-        memory_unhold(window->ctx, window->map_size);
-    }
-    memset(window, 0, sizeof *window);
 }

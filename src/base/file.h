@@ -3,7 +3,8 @@
  * read-only windows onto large files.
  *
  * Output: a regular file is written under a temporary name beside its final one (exclusive
- * creation, the umask's mode), then fsync, rename, fsync of the directory. Whatever is not a
+ * creation, the umask's mode), then fsync, rename, fsync of the directory. Temporary names that a
+ * killed process left are removed by the next one that writes the same output. Whatever is not a
  * regular file (a pipe, /dev/null, `-` for standard output) is written directly. All writing goes
  * through write(2), never through a map: a full disk is an error, not a SIGBUS.
  *
@@ -20,6 +21,7 @@
 struct output {
     struct context *ctx;
     int fd;
+    int lock_fd;     /* while the temporary name stands and fd is closed: keeps its lock; else -1 */
     bool is_open;    /* all zero is an output that was never opened */
     bool is_regular; /* appears under its name only at output_commit */
     bool keeps_crc;  /* crc runs over all bytes appended */

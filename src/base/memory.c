@@ -12,6 +12,7 @@
  */
 #include "base/memory.h"
 
+#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -43,10 +44,18 @@ bool fault_due(struct context *ctx)
     uint64_t left = atomic_load_explicit(&ctx->fault_after, memory_order_relaxed);
     while (left != UINT64_MAX) {
         uint64_t next = left == 0 ? UINT64_MAX : left - 1;
-        if (atomic_compare_exchange_weak(&ctx->fault_after, &left, next))
-            return left == 0;
+        if (!atomic_compare_exchange_weak(&ctx->fault_after, &left, next))
+            continue;
+        if (left == 0 && ctx->fault_kills)
+            (void)kill(getpid(), SIGKILL);
+        return left == 0;
     }
     return false;
+}
+
+bool allocation_fault_due(struct context *ctx)
+{
+    return !ctx->fault_kills && fault_due(ctx);
 }
 
 static size_t page_size(void)
@@ -177,8 +186,8 @@ static enum status refuse(struct context *ctx, uint64_t bytes)
     if (ctx->memory_budget != UINT64_MAX)
         return fail(ctx, STATUS_NO_MEMORY,
                     "not enough memory: %llu bytes more asked for, %llu in use, budget %llu",
-                    (unsigned long long)bytes, (unsigned long long)now,
-                    (unsigned long long)ctx->memory_budget);
+                    (unsigned long long)bytes, (unsigned long long)(now + ctx->memory_aside),
+                    (unsigned long long)(ctx->memory_budget + ctx->memory_aside));
     return fail(ctx, STATUS_NO_MEMORY, "not enough memory: %llu bytes more asked for, %llu in use",
                 (unsigned long long)bytes, (unsigned long long)now);
 }
@@ -191,7 +200,7 @@ static enum status take(struct context *ctx, size_t count, size_t size, bool zer
     if (__builtin_mul_overflow(count, size, &bytes) || bytes > PTRDIFF_MAX - (1u << 20))
         return fail(ctx, STATUS_NO_MEMORY, "not enough memory: %zu elements of %zu bytes asked for",
                     count, size);
-    if (fault_due(ctx) || !account_add(ctx, accounted(bytes)))
+    if (allocation_fault_due(ctx) || !account_add(ctx, accounted(bytes)))
         return refuse(ctx, bytes);
     void *block = block_take(bytes, zeroed);
     if (!block) {
@@ -245,7 +254,7 @@ enum status memory_resize(struct context *ctx, void *inout, size_t old_count, si
     if (__builtin_mul_overflow(new_count, size, &bytes))
         return fail(ctx, STATUS_NO_MEMORY, "not enough memory: %zu elements of %zu bytes asked for",
                     new_count, size);
-    if (fault_due(ctx) || !resize(ctx, inout, old_count * size, bytes))
+    if (allocation_fault_due(ctx) || !resize(ctx, inout, old_count * size, bytes))
         return refuse(ctx, bytes);
     return STATUS_OK;
 }
@@ -262,7 +271,7 @@ void memory_release(struct context *ctx, void *inout, size_t count, size_t size)
 
 enum status memory_hold(struct context *ctx, uint64_t bytes)
 {
-    if (fault_due(ctx) || !account_add(ctx, bytes))
+    if (allocation_fault_due(ctx) || !account_add(ctx, bytes))
         return refuse(ctx, bytes);
     return STATUS_OK;
 }
@@ -282,7 +291,7 @@ enum status memory_reserve(struct context *ctx, void *inout, size_t *capacity, s
         return fail(ctx, STATUS_NO_MEMORY, "not enough memory: %zu elements of %zu bytes asked for",
                     needed, size);
 
-    if (fault_due(ctx))
+    if (allocation_fault_due(ctx))
         return refuse(ctx, exact);
 
     /* By half, so that appending is linear; but rather exactly than not at all. */

@@ -43,5 +43,7 @@ enum status memory_reserve(struct context *ctx, void *inout, size_t *capacity, s
 /* True once in a job when fault injection has reached its count: guarded system calls (write,
  * fsync, mmap, rename, ...) ask this first and behave as if the system had refused. */
 bool fault_due(struct context *ctx);
+/* The same for allocations, which do not count where faults kill. */
+bool allocation_fault_due(struct context *ctx);
 
 #endif

@@ -87,6 +87,12 @@ enum status fail_errno(struct context *ctx, int error, const char *format, ...)
     return status;
 }
 
+void failure_forget(struct context *ctx)
+{
+    ctx->failed = STATUS_OK;
+    ctx->error[0] = '\0';
+}
+
 void tell(struct context *ctx, enum message_level level, const char *format, ...)
 {
     if (!ctx->message)

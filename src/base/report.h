@@ -23,6 +23,7 @@ struct context {
     uint64_t memory_budget; /* bytes that blocks, windows and whatever else is resident may take
                                (memory.h): what the user allows less what the process takes by
                                being there; UINT64_MAX: no limit */
+    uint64_t memory_aside;  /* that part, for words */
     unsigned threads;       /* at least 1 */
     const char *tmp_dir;    /* borrowed; NULL: beside the output */
     unsigned cpu_level_cap; /* highest enum cpu_level (cpu.h) to use; for tests, else UINT_MAX */
@@ -37,6 +38,8 @@ struct context {
     _Atomic uint64_t memory_peak; /* largest memory_now so far */
     _Atomic uint64_t fault_after; /* fault injection: this many more guarded calls succeed, then
                                      one fails; UINT64_MAX (the default): none fails */
+    bool fault_kills; /* for tests, set before the job: only system calls count, and the one that is
+                         due is the process's last: SIGKILL comes in its place */
 
     /* Written by fail(): the first failure stays. */
     pthread_mutex_t lock;
@@ -63,6 +66,9 @@ enum status fail(struct context *ctx, enum status status, const char *format, ..
  * STATUS_NO_SPACE, ENOMEM into STATUS_NO_MEMORY, all else into STATUS_IO. */
 enum status fail_errno(struct context *ctx, int error, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+
+/* Forgets the first failure: it was dealt with, and the job goes on. No worker may be at work. */
+void failure_forget(struct context *ctx);
 
 /* Tells the user something that is not a failure (what was dropped, what was chosen). */
 void tell(struct context *ctx, enum message_level level, const char *format, ...)

@@ -13,7 +13,7 @@
 uint64_t lod_least_memory(const struct target *target, uint64_t faces, unsigned threads,
                           uint32_t stride)
 {
-    const uint64_t leaf = 56 << 20, face = 200 + stride, chain_vertex = 300 + stride;
+    const uint64_t leaf = 56 << 20, face = 60 + stride, chain_vertex = 300 + stride;
     double finest = 0;
     for (uint32_t i = 0; i < target->count && i < TARGETS_MAX; i++) {
         double wanted = target->kind == TARGET_FACES   ? target->values[i]

@@ -514,7 +514,8 @@ class Report(ProgramTest):
         _, err = self.run_program("simplify", mesh, "-o", "a.ply", "--faces", "500")
         last = err.splitlines()[-1]
         self.assertRegex(last, r"^spbm [0-9.]+ simplify: 2,048 faces in, (500|499) faces out; "
-                               r"[0-9.]+ s wall, [0-9.]+ s CPU, peak memory [0-9.]+ [KMG]iB$")
+                               r"[0-9.]+ s wall, [0-9.]+ s CPU, peak memory [0-9.]+ [KMG]iB "
+                               r"of [0-9.]+ [KMG]iB \(half of .*\)$")
         self.assertNotIn("\r", err)
         self.assertNotIn("\033", err)
         _, err = self.run_program("simplify", mesh, "-o", "a.ply", "--faces", "500", "-q")

@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -126,6 +127,35 @@ static void a_killed_writer_leaves_nothing(void **state)
     assert_int_equal(waitpid(child, &how, 0), child);
     assert_int_equal(WEXITSTATUS(how), 7);
     assert_int_equal(folder_count(place->folder), 0);
+}
+
+/* A name that a killed writer left goes when the same output is written again; not one of a writer
+ * that lives, nor of another output, nor what only looks like one. */
+static void dead_writers_names_are_removed(void **state)
+{
+    static const char *const names[] = {".out.bin.spbm-77-0~", ".out.bin.spbm-78-12~",
+                                        ".out.bin.spbm-1-2-3~", ".other.spbm-77-0~",
+                                        ".out.bin.spbm-77-0"};
+    struct place *place = *state;
+    struct output out;
+    char paths[5][TEST_PATH];
+    for (unsigned i = 0; i < 5; i++) {
+        folder_path(paths[i], place->folder, names[i]);
+        file_write(paths[i], "half", 4);
+    }
+    int alive = open(paths[1], O_RDONLY | O_CLOEXEC);
+    assert_int_equal(flock(alive, LOCK_EX | LOCK_NB), 0);
+    assert_int_equal(output_open(&place->ctx, place->path, &out), STATUS_OK);
+    assert_int_equal(output_append(&out, "whole", 5), STATUS_OK);
+    assert_int_equal(output_commit(&out, true), STATUS_OK);
+    assert_int_not_equal(access(paths[0], F_OK), 0);
+    for (unsigned i = 1; i < 5; i++)
+        assert_int_equal(access(paths[i], F_OK), 0);
+    close(alive);
+    assert_int_equal(output_open(&place->ctx, place->path, &out), STATUS_OK);
+    output_discard(&out);
+    assert_int_not_equal(access(paths[1], F_OK), 0);
+    assert_file_is(place->path, "whole", 5);
 }
 
 static void the_mode_is_that_of_the_umask(void **state)
@@ -400,6 +430,7 @@ int main(void)
         TEST(written_bytes_arrive),
         TEST(nothing_is_seen_before_commit),
         TEST(a_killed_writer_leaves_nothing),
+        TEST(dead_writers_names_are_removed),
         TEST(the_mode_is_that_of_the_umask),
         TEST(patches_change_what_was_written),
         TEST(links_lead_to_what_is_replaced),

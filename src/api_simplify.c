@@ -1,0 +1,348 @@
+/*
+ * The public interface to a whole run: import, topology if it is asked for, patchify and lod, with
+ * the files between them in a workspace (api_workspace.c) or, if the run is to be resumable, in a
+ * locked folder (api_resume.c), where a file that is there is a stage that is done. Topology is
+ * done again whenever a run is resumed, for what it removed is to be told.
+ */
+#include <errno.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "api_resume.h"
+#include "base/file.h"
+#include "mesh/estimate.h"
+
+static const char RAW_NAME[] = "raw.store", STORE_NAME[] = "mesh.store";
+static const char CHAINS_NAME[] = "mesh.chains";
+
+/* ---- the three stages ---- */
+
+struct clock {
+    double wall, cpu;
+};
+
+static struct clock clock_now(void)
+{
+    struct timespec wall, cpu;
+    clock_gettime(CLOCK_MONOTONIC, &wall);
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &cpu);
+    return (struct clock){(double)wall.tv_sec + 1e-9 * (double)wall.tv_nsec,
+                          (double)cpu.tv_sec + 1e-9 * (double)cpu.tv_nsec};
+}
+
+struct run {
+    struct spbm_job *job;
+    struct context *ctx;
+    const char *const *inputs;
+    size_t input_count;
+    const char *output;
+    const spbm_simplify_options *options;
+    spbm_simplify_report *report;
+    struct workspace work;
+    struct run_folder folder;
+    struct run_size size;
+    struct clock began;
+    struct chain_info chains;
+};
+
+static bool is_resumable(const struct run *run)
+{
+    return run->folder.fd >= 0;
+}
+
+static void stage_end(struct run *run, const char *name, bool resumed)
+{
+    struct clock now = clock_now();
+    spbm_simplify_report *report = run->report;
+    report->stages[report->stage_count++] = (spbm_stage){
+        .name = name,
+        .wall_seconds = now.wall - run->began.wall,
+        .cpu_seconds = now.cpu - run->began.cpu,
+        .memory_peak = atomic_load(&run->ctx->memory_peak),
+        .threads = run->ctx->threads,
+        .resumed = resumed,
+    };
+    run->began = now;
+}
+
+static void take_store(struct run *run, const struct store_info *info)
+{
+    run->size.faces = info->topology.faces;
+    run->size.stride = info->attributes.stride;
+    copy_store(&run->report->store, info);
+}
+
+/* What the import writes. */
+static const char *imported_name(const struct run *run)
+{
+    return run->options->topology ? RAW_NAME : STORE_NAME;
+}
+
+static char *imported_path(struct run *run)
+{
+    return run->options->topology ? run->work.raw : run->work.store;
+}
+
+/* What a dead run left of a stage is used if it opens as what it should be; else the stage is done
+ * again. */
+static bool resume_store(struct run *run)
+{
+    struct store *store;
+    if (!is_resumable(run) ||
+        !run_folder_file(&run->folder, imported_name(run), imported_path(run)))
+        return false;
+    if (store_open(run->ctx, imported_path(run), true, &store) != STATUS_OK) {
+        failure_forget(run->ctx);
+        return false;
+    }
+    take_store(run, store_info(store));
+    store_close(&store);
+    return true;
+}
+
+static enum status build_store(struct run *run)
+{
+    struct store_info info;
+    const spbm_simplify_options *options = run->options;
+    bool keeps = options->keep_dir != NULL && !options->topology;
+    struct import_options import = {.weld = options->import.weld != 0,
+                                    .sync = is_resumable(run) || (keeps && options->import.sync)};
+    enum status status = stage_begin(run->job, STAGE_IMPORT, &run->size);
+    if (status == STATUS_OK)
+        status = store_build(run->ctx, run->inputs, run->input_count, imported_path(run), &import,
+                             &info);
+    if (status == STATUS_OK && is_resumable(run)) {
+        status = run_folder_verify(&run->folder);
+        if (status != STATUS_OK)
+            run_folder_drop(&run->folder, imported_name(run));
+    }
+    if (status == STATUS_OK)
+        take_store(run, &info);
+    return status;
+}
+
+static enum status import_stage(struct run *run)
+{
+    bool resumed = resume_store(run);
+    enum status status = resumed ? STATUS_OK : build_store(run);
+    if (status == STATUS_OK)
+        stage_end(run, stage_name(STAGE_IMPORT), resumed);
+    return status;
+}
+
+/* The store that patches are grown on is what small features leave of the input's. */
+static enum status topology_stage(struct run *run)
+{
+    const spbm_simplify_options *options = run->options;
+    struct workspace *work = &run->work;
+    struct topology_report removal = {0};
+    struct topology_options wanted = make_topology(options->topology);
+    struct import_options rebuild = {.sync = is_resumable(run) ||
+                                             (options->keep_dir && options->import.sync)};
+    budget_begin(run->ctx, job_memory(run->job), run->job->settings.threads);
+    enum status status = topology_rebuild(run->ctx, work->raw, work->scratch, work->store, &rebuild,
+                                          &wanted, &removal, NULL);
+    if (status == STATUS_OK) {
+        stage_end(run, "topology", false);
+        run->report->has_topology = 1;
+        copy_removal(&run->report->removal, options->topology, &removal);
+        close_hidden(&work->raw_fd); /* its space is free for what follows */
+        close_hidden(&work->scratch_fd);
+    }
+    topology_report_clear(run->ctx, &removal);
+    return status;
+}
+
+static bool resume_chains(struct run *run)
+{
+    struct store *store = NULL;
+    uint32_t crc = 0;
+    if (!is_resumable(run) || !run_folder_file(&run->folder, CHAINS_NAME, run->work.chains))
+        return false;
+    enum status status = read_chain_info(run->ctx, run->work.chains, &run->chains);
+    if (status == STATUS_OK)
+        status = store_open(run->ctx, run->work.store, true, &store);
+    if (status == STATUS_OK)
+        status = store_crc(store, &crc);
+    store_close(&store);
+    if (status != STATUS_OK)
+        failure_forget(run->ctx);
+    return status == STATUS_OK && crc == run->chains.store_crc;
+}
+
+static enum status patchify_stage(struct run *run)
+{
+    const spbm_simplify_options *options = run->options;
+    bool keeps = options->keep_dir != NULL, resumed = resume_chains(run);
+    struct patch_request request =
+        make_request(&options->patch, keeps ? KEPT_LEVEL : 0,
+                     is_resumable(run) || (keeps && options->patch.sync));
+    enum status status = STATUS_OK;
+    if (!resumed) {
+        status = stage_begin(run->job, STAGE_PATCHIFY, &run->size);
+        if (status == STATUS_OK)
+            status = chain_build(run->ctx, run->work.store, run->work.chains, &run->size.target,
+                                 &request, &run->chains);
+    }
+    if (status != STATUS_OK)
+        return status;
+    stage_end(run, stage_name(STAGE_PATCHIFY), resumed);
+    copy_chains(&run->report->chains, &run->chains);
+    if (run->work.store_fd >= 0 && ftruncate(run->work.store_fd, 0) != 0)
+        return fail_errno(run->ctx, errno, "%s: cannot be emptied", run->work.store);
+    return STATUS_OK; /* a hidden store's space is free for what follows */
+}
+
+static enum status lod_stage(struct run *run)
+{
+    struct lod_report levels = {0};
+    const spbm_simplify_options *options = run->options;
+    enum status status = stage_begin(run->job, STAGE_LOD, &run->size);
+    if (status == STATUS_OK)
+        status = make_levels(run->ctx, run->work.chains, run->output, &options->target,
+                             &options->lod, &levels);
+    if (status == STATUS_OK || status == STATUS_TARGET_MISSED) {
+        stage_end(run, stage_name(STAGE_LOD), false);
+        copy_levels(&run->report->levels, &levels, &run->chains);
+    }
+    return status;
+}
+
+static enum status run_stages(struct run *run)
+{
+    run->began = clock_now();
+    enum status status = import_stage(run);
+    if (status == STATUS_OK && run->options->topology)
+        status = topology_stage(run);
+    if (status == STATUS_OK)
+        status = patchify_stage(run);
+    return status == STATUS_OK ? lod_stage(run) : status;
+}
+
+/* Damage in what was resumed shows when it is used: then all is done again. */
+static enum status run_again_if_damaged(struct run *run)
+{
+    enum status status = run_stages(run);
+    if (status != STATUS_BAD_INPUT || run->report->stage_count == 0 ||
+        !run->report->stages[0].resumed)
+        return status;
+    failure_forget(run->ctx);
+    tell(run->ctx, MESSAGE_WARNING, "%s: what was to be resumed is damaged; all is done again",
+         run->folder.path);
+    run_folder_drop(&run->folder, imported_name(run));
+    run_folder_drop(&run->folder, STORE_NAME);
+    run_folder_drop(&run->folder, CHAINS_NAME);
+    memset(run->report, 0, sizeof *run->report);
+    return run_stages(run);
+}
+
+/* ---- the run ---- */
+
+/* What the inputs claim of their size, so that too little memory is told before they are read. */
+static enum status estimate_size(struct run *run)
+{
+    run->size.target = make_target(&run->options->target);
+    for (size_t i = 0; i < run->input_count; i++) {
+        struct mesh_estimate one;
+        enum status status = mesh_estimate(run->ctx, run->inputs[i], &one);
+        if (status != STATUS_OK)
+            return status;
+        run->size.faces += one.faces;
+        run->size.stride = one.stride > run->size.stride ? one.stride : run->size.stride;
+    }
+    return stages_fit(run->job, STAGE_IMPORT, STAGE_LOD, &run->size);
+}
+
+static enum status check_run(struct run *run)
+{
+    const spbm_simplify_options *options = run->options;
+    enum status status = check_levels(run->ctx, run->inputs, run->input_count, run->output,
+                                      &options->target, &options->lod);
+    if (status == STATUS_OK)
+        status = check_patch_options(run->ctx, &options->patch);
+    if (status == STATUS_OK && options->topology)
+        status = check_topology(run->ctx, options->topology);
+    if (status == STATUS_OK && options->keep_dir && options->resume_dir)
+        status =
+            fail(run->ctx, STATUS_MISUSE, "a run keeps its files or can be resumed, but not both");
+    return status == STATUS_OK ? estimate_size(run) : status;
+}
+
+static enum status open_folder(struct run *run)
+{
+    struct workspace *work = &run->work;
+    enum status status = run_folder_open(run->ctx, run->options->resume_dir, run->inputs,
+                                         run->input_count, run->output, run->options, &run->folder);
+    if (status == STATUS_OK) {
+        (void)run_folder_file(&run->folder, STORE_NAME, work->store);
+        (void)run_folder_file(&run->folder, CHAINS_NAME, work->chains);
+    }
+    if (status == STATUS_OK && run->options->topology) {
+        status = workspace_hide_raw(work, run->output); /* for the scratch; the store is named: */
+        close_hidden(&work->raw_fd);
+        (void)run_folder_file(&run->folder, RAW_NAME, work->raw);
+    }
+    return status;
+}
+
+static enum status open_places(struct run *run)
+{
+    struct workspace *work = &run->work;
+    const spbm_simplify_options *options = run->options;
+    if (options->resume_dir)
+        return open_folder(run);
+    enum status status = STATUS_OK;
+    if (options->keep_dir) {
+        status = workspace_keep(work, options->keep_dir);
+        if (status == STATUS_OK)
+            status = check_inputs(run->ctx, run->inputs, run->input_count, work->store);
+        if (status == STATUS_OK)
+            status = check_inputs(run->ctx, run->inputs, run->input_count, work->chains);
+    } else {
+        status = workspace_hide(work, run->output);
+    }
+    if (status == STATUS_OK && options->topology)
+        status = workspace_hide_raw(work, run->output);
+    return status;
+}
+
+/* What the same command can go on from is kept when the run ended for a reason that may pass. */
+static void close_places(struct run *run, enum status status)
+{
+    bool may_pass = status == STATUS_NO_MEMORY || status == STATUS_NO_SPACE ||
+                    status == STATUS_IO || status == STATUS_CANCELLED;
+    bool keeps = is_resumable(run) && may_pass && run->report->stage_count > 0;
+    if (keeps)
+        tell(run->ctx, MESSAGE_NOTE, "%s: finished stages are kept for the same command to go on",
+             run->folder.path);
+    run_folder_close(&run->folder, keeps);
+    workspace_explain(&run->work);
+    workspace_close(&run->work);
+}
+
+spbm_status spbm_simplify(spbm_job *job, const char *const *inputs, size_t input_count,
+                          const char *output, const spbm_simplify_options *options,
+                          spbm_simplify_report *report)
+{
+    struct context *ctx = call_begin(job);
+    spbm_simplify_report unwanted;
+    struct run run = {.job = job,
+                      .ctx = ctx,
+                      .inputs = inputs,
+                      .input_count = input_count,
+                      .output = output,
+                      .options = options,
+                      .report = report ? report : &unwanted,
+                      .folder = {.fd = -1}};
+    memset(run.report, 0, sizeof *run.report);
+    workspace_init(&run.work, ctx);
+
+    enum status status = check_run(&run);
+    if (status == STATUS_OK)
+        status = open_places(&run);
+    if (status == STATUS_OK)
+        status = run_again_if_damaged(&run);
+    close_places(&run, status);
+    return call_end(job, status);
+}
