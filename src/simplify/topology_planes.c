@@ -712,6 +712,26 @@ static enum status try_polygon(struct merger *merger, const struct plane *plane,
     return status;
 }
 
+/* A plane of several faces within three edges, behind all of which lies one other plane with no
+ * other loop: that may be, or become, the same triangle. */
+static bool may_mirror_another(const struct merger *merger, const struct plane *plane)
+{
+    uint32_t first = merger->loops[plane->first_loop].first, h = first, behind = NO_INDEX,
+             count = 0;
+    if (plane->loop_count != 1 || plane->face_count == 1)
+        return false;
+    do {
+        uint32_t twin = merger->twins[h];
+        uint32_t other = twin == NO_INDEX ? NO_INDEX : merger->plane_of[twin / 3];
+        if (other == NO_INDEX || (count > 0 && other != behind) || count == 3)
+            return false;
+        behind = other;
+        count++;
+        h = next_outline(merger, h);
+    } while (h != first);
+    return merger->planes[behind].loop_count == 1;
+}
+
 /* Tries the holes' bridges in four directions, for a bridge may leave a corner that no ear fits. */
 static enum status triangulate_plane(struct merger *merger, const struct plane *plane,
                                      bool *possible)
@@ -719,6 +739,8 @@ static enum status triangulate_plane(struct merger *merger, const struct plane *
     struct axes axes = axes_of(plane->normal);
     enum status status = STATUS_OK;
     *possible = false;
+    if (plane->loop_count > 0 && may_mirror_another(merger, plane))
+        return STATUS_OK;
     for (unsigned turn = 0; turn < (plane->loop_count > 1 ? 4 : 1) && !*possible; turn++) {
         status = try_polygon(merger, plane, &axes, possible);
         if (status != STATUS_OK)
