@@ -29,6 +29,7 @@ void spbm_topology_defaults(spbm_topology_options *options)
     memset(options, 0, sizeof *options);
     spbm_import_defaults(&options->import);
     memcpy(options->sharp_angle, defaults.sharp_angle, sizeof options->sharp_angle);
+    options->zip_tolerance.value = defaults.zip_tolerance.value;
     options->sync = 1;
 }
 
@@ -49,6 +50,8 @@ enum status check_topology(struct context *ctx, const spbm_topology_options *opt
             return fail(ctx, STATUS_MISUSE, "a size must be a length, not below 0");
         is_asked |= lengths[i]->value > 0;
     }
+    if (!isfinite(options->zip_tolerance.value))
+        return fail(ctx, STATUS_MISUSE, "the zip tolerance must be a length");
     if (!is_asked)
         return fail(ctx, STATUS_MISUSE, "nothing is asked for: no size is given");
     if ((unsigned)options->size > SPBM_SIZE_EXTENT)
@@ -74,6 +77,7 @@ struct topology_options make_topology(const spbm_topology_options *from)
     options.remove_pipes = from->remove_pipes != 0;
     options.drop_components = make_length(&from->drop_components);
     options.close_cracks = make_length(&from->close_cracks);
+    options.zip_tolerance = make_length(&from->zip_tolerance);
     options.crack_inscribed = from->crack_inscribed != 0;
     options.merge_coplanar = from->merge_coplanar != 0;
     options.export.format = (enum export_format)from->format;

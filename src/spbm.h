@@ -429,6 +429,9 @@ typedef struct spbm_topology_options {
     int remove_pipes;            /* what is solid between two loops, too */
     spbm_length drop_components; /* whole components whose box has a smaller diagonal go */
     spbm_length close_cracks;    /* border loops that are smaller are filled */
+    spbm_length zip_tolerance;   /* how far apart the two sides of a crack may lie that become one
+                                    before it is filled; below 0, the default: a tenth of the
+                                    median border edge; 0: none */
     int crack_inscribed; /* their size is that of the largest circle inside, not the diameter */
     int merge_coplanar;  /* planes are triangulated anew, by the fewest triangles */
     spbm_format format;  /* of the output */

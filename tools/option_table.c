@@ -99,6 +99,9 @@ const struct option_row option_rows[] = {
     {OPTION_CRACK_SIZE, GROUP_TOPOLOGY, 0, "crack-size", "M",
      "how large a border loop is: diameter, or inscribed: that of the\n"
      "largest circle inside (default: diameter)"},
+    {OPTION_ZIP_TOLERANCE, GROUP_TOPOLOGY, 0, "zip-tolerance", "SIZE",
+     "how far apart the sides of a crack may lie that become one before\n"
+     "it is filled; 0: none (default: a tenth of the median border edge)"},
     {OPTION_MERGE_COPLANAR, GROUP_TOPOLOGY, 0, "merge-coplanar", NULL,
      "triangulate planes anew, by the fewest triangles (default: off)"},
     {OPTION_MEMORY, GROUP_SHARED, 'm', "memory", "SIZE",

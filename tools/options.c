@@ -204,6 +204,16 @@ static void take_length(struct parser *parser, const char *name, const char *val
     length->is_relative = is_relative;
 }
 
+/* The same, but 0 is one, too. */
+static void take_tolerance(struct parser *parser, const char *name, const char *value,
+                           spbm_length *length)
+{
+    bool is_relative = false;
+    if (!read_length(value, &length->value, &is_relative))
+        bad_value(parser, name, value, "a length, as 0.02 or 0.1%");
+    length->is_relative = is_relative;
+}
+
 static void take_topology_option(struct parser *parser, const struct option_row *row,
                                  const char *value)
 {
@@ -236,6 +246,9 @@ static void take_topology_option(struct parser *parser, const struct option_row 
         break;
     case OPTION_CRACK_SIZE:
         topology->crack_inscribed = read_word(parser, row->name, value, cracks) == 1;
+        break;
+    case OPTION_ZIP_TOLERANCE:
+        take_tolerance(parser, row->name, value, &topology->zip_tolerance);
         break;
     case OPTION_MERGE_COPLANAR:
         topology->merge_coplanar = 1;

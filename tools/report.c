@@ -279,6 +279,10 @@ void report_removal(struct report *report, const spbm_removal *removal)
     }
     set_json(report->root, "removed_counts", counts);
     set_count(report->root, "blocked", removal->blocked);
+    set_count(report->root, "zipped", removal->zipped);
+    if (removal->zipped && report->words)
+        fprintf(report->words, "vertices zipped along cracks: %s\n",
+                count_text(removal->zipped).s);
     set_count(report->root, "dropped_faces", removal->dropped_faces);
     set_count(report->root, "added_faces", removal->added_faces);
     if (removal->blocked && report->words)

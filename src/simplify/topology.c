@@ -14,6 +14,7 @@
 #include "simplify/topology_cracks.h"
 #include "simplify/topology_planes.h"
 #include "simplify/topology_surgery.h"
+#include "simplify/topology_zip.h"
 
 /* Patches that no sharp edge runs through, but large enough to keep the graph small. */
 static const double patch_angle = 15;
@@ -159,6 +160,19 @@ static enum status reserve_blocked(struct run *run)
     return status;
 }
 
+/* Cracks are added to the list; of the surgery's loops only what zipping leaves of them. */
+static enum status find_cracks(struct run *run, const struct crack_options *cracks)
+{
+    double tolerance = length_of(run, run->options->zip_tolerance);
+    enum status status = cracks_find(&run->surgery, cracks, &run->list);
+    if (status == STATUS_OK && run->options->zip_tolerance.value < 0)
+        status = zip_tolerance_choose(&run->surgery, &tolerance);
+    run->report->zipped = 0;
+    if (status == STATUS_OK && tolerance > 0)
+        status = cracks_zip(&run->surgery, tolerance, &run->report->zipped);
+    return status;
+}
+
 static enum status operate(struct run *run)
 {
     const struct topology_options *options = run->options;
@@ -178,7 +192,7 @@ static enum status operate(struct run *run)
         if (status == STATUS_OK)
             status = surgery_loops(&run->surgery, run->blocked);
         if (status == STATUS_OK && cracks.size > 0)
-            status = cracks_find(&run->surgery, &cracks, &run->list);
+            status = find_cracks(run, &cracks);
         if (status == STATUS_OK)
             status = reserve_blocked(run);
         if (status == STATUS_OK)
@@ -358,7 +372,7 @@ static enum status fill_report(struct run *run)
         report->counts[feature->kind]++;
     }
     report->dropped_faces = run->surgery.dropped_count;
-    report->added_faces = run->surgery.fill_count;
+    report->added_faces = run->surgery.mended_count + run->surgery.fill_count;
     return STATUS_OK;
 }
 
@@ -396,8 +410,7 @@ static enum status run_all(struct run *run, const char *store_path, const char *
         status = surgery_begin(&run->surgery);
     if (status == STATUS_OK)
         status = operate(run);
-    if (status == STATUS_OK &&
-        run->info->topology.faces + run->surgery.fill_count == run->surgery.dropped_count)
+    if (status == STATUS_OK && surgery_faces(&run->surgery) == 0)
         status = fail(ctx, STATUS_BAD_INPUT, "all components are small: nothing would be left");
     if (status == STATUS_OK)
         status = fill_report(run);

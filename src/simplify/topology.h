@@ -68,7 +68,7 @@ struct topology_report {
     uint64_t blocked;         /* small features that stay, for no fill would leave a manifold */
     uint64_t zipped;          /* vertices merged or inserted along cracks */
     uint64_t dropped_faces;   /* of the store */
-    uint64_t added_faces;     /* fills */
+    uint64_t added_faces;     /* fills, and faces that zipping changed, which are dropped too */
     uint64_t vertices, faces; /* of the output */
 };
 

@@ -219,7 +219,7 @@ static enum status judge_loop(struct search *search)
         search->corners[j] = swap;
     }
     status = surgery_add_loop(search->surgery, search->corners, search->count,
-                              (uint32_t)search->list->count);
+                              (uint32_t)search->list->count, true);
     return status == STATUS_OK ? feature_list_add(ctx, search->list, &feature) : status;
 }
 

@@ -18,7 +18,8 @@
 #include "base/radix_sort.h"
 #include "geom/triangulate.h"
 #include "geom/vec.h"
-#include "simplify/topology_surgery.h"
+#include "simplify/topology_pairs.h"
+#include "simplify/patch.h"
 
 struct plane {
     struct vec3 normal;

@@ -9,18 +9,7 @@
 #include "mesh/store.h"
 #include "simplify/patch.h"
 #include "simplify/topology_features.h"
-
-/* Unordered pairs of vertices; grows. */
-struct pair_set {
-    uint64_t *pairs; /* 0: empty; a vertex pair never is, for its larger number is not 0 */
-    size_t capacity; /* a power of two, or 0 */
-    size_t count;
-};
-
-void pair_set_clear(struct context *ctx, struct pair_set *set);
-enum status pair_set_add(struct context *ctx, struct pair_set *set, uint32_t a,
-                         uint32_t b) MUST_CHECK;
-bool pair_set_has(const struct pair_set *set, uint32_t a, uint32_t b);
+#include "simplify/topology_pairs.h"
 
 /* A face that goes with a feature, as the store has it. */
 struct wall_face {
@@ -42,6 +31,13 @@ struct fill_loop {
     size_t first; /* into corners */
     uint32_t count;
     uint32_t feature;
+    bool is_crack;
+};
+
+/* A vertex in the middle of a fill that nothing else could close. */
+struct fill_centre {
+    float position[3]; /* relative to the store's origin */
+    uint32_t model;    /* vertex whose record it takes */
 };
 
 struct surgery {
@@ -67,9 +63,20 @@ struct surgery {
     uint32_t *small_faces; /* faces that stay with all three corners on loops */
     size_t small_face_count, small_face_capacity;
 
-    uint32_t *fills; /* 3 a face: store vertices */
+    uint32_t *mended; /* 3 a face: faces that stay but were changed (topology_zip.h) */
+    size_t mended_count, mended_capacity;
+
+    uint32_t *fills; /* 3 a face: store vertices, and from their number on the centres */
     size_t fill_count, fill_capacity;
+    struct fill_centre *centres;
+    size_t centre_count, centre_capacity;
 };
+
+/* Words of a bit map, and one that is never used. */
+static inline size_t bit_words(uint64_t bits)
+{
+    return (size_t)((bits + 63) / 64) + 1;
+}
 
 static inline bool bit_is_set(const uint64_t *bits, size_t i)
 {
@@ -98,9 +105,10 @@ enum status surgery_loops(struct surgery *surgery, uint8_t *blocked) MUST_CHECK;
 
 /* Adds one loop. */
 enum status surgery_add_loop(struct surgery *surgery, const uint32_t *corners, uint32_t count,
-                             uint32_t feature) MUST_CHECK;
+                             uint32_t feature, bool is_crack) MUST_CHECK;
 
-/* Triangulates all loops; blocked[feature] is set where no fill leaves a manifold. */
+/* Triangulates all loops, cracks round a new vertex where nothing else helps; blocked[feature] is
+ * set where no fill leaves a manifold. */
 enum status surgery_fill(struct surgery *surgery, uint8_t *blocked) MUST_CHECK;
 
 /* Position of a vertex that lies on a loop, relative to the store's origin; after surgery_fill. */
@@ -115,7 +123,11 @@ struct surgery_sink {
     void *user;
 };
 
-/* What stays, in the store's order, and then the fills, with the vertices that are left. */
+/* Faces of the result. */
+uint64_t surgery_faces(const struct surgery *surgery);
+
+/* What stays, in the store's order, then what was mended and the fills, with the vertices that are
+ * left. */
 enum status surgery_write(struct surgery *surgery, const struct surgery_sink *sink) MUST_CHECK;
 
 #endif
