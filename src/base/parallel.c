@@ -66,7 +66,9 @@ static void run_loop(struct team *team, unsigned worker)
     while (team->failed == STATUS_OK && team->next < team->jobs) {
         uint64_t job = team->next++;
         pthread_mutex_unlock(&team->lock);
-        enum status status = team->work(team->user, job, worker);
+        enum status status = poll_cancel(team->ctx);
+        if (status == STATUS_OK)
+            status = team->work(team->user, job, worker);
         pthread_mutex_lock(&team->lock);
         note_failure(team, job, status);
     }
@@ -102,7 +104,9 @@ static void run_pipeline(struct team *team, unsigned worker)
         } else if (can_begin(team)) {
             uint64_t job = team->next++;
             pthread_mutex_unlock(&team->lock);
-            enum status status = team->work(team->user, job, worker);
+            enum status status = poll_cancel(team->ctx);
+            if (status == STATUS_OK)
+                status = team->work(team->user, job, worker);
             pthread_mutex_lock(&team->lock);
             note_failure(team, job, status);
             team->is_done[job % team->in_flight] = true;
@@ -187,7 +191,9 @@ enum status parallel_for(struct context *ctx, uint64_t jobs,
     unsigned threads = useful_threads(ctx, jobs);
     if (threads <= 1) {
         for (uint64_t job = 0; job < jobs; job++) {
-            enum status status = work(user, job, 0);
+            enum status status = poll_cancel(ctx);
+            if (status == STATUS_OK)
+                status = work(user, job, 0);
             if (status != STATUS_OK)
                 return status;
         }
@@ -206,7 +212,9 @@ enum status parallel_ordered(struct context *ctx, uint64_t jobs, unsigned in_fli
         threads = in_flight;
     if (threads <= 1) {
         for (uint64_t job = 0; job < jobs; job++) {
-            enum status status = work(user, job, 0);
+            enum status status = poll_cancel(ctx);
+            if (status == STATUS_OK)
+                status = work(user, job, 0);
             if (status == STATUS_OK)
                 status = finish(user, job);
             if (status != STATUS_OK)

@@ -9,8 +9,8 @@
 
 /* Calls work(user, job, worker) for every job in [0, jobs), from up to ctx->threads threads
  * (worker is their number, below ctx->threads); the first failure stops the handing out of further
- * jobs. Returns when no thread is at work any more. With one thread, jobs run in order on the
- * caller's. */
+ * jobs, as does a caller that wants to cancel. Returns when no thread is at work any more. With one
+ * thread, jobs run in order on the caller's. */
 enum status parallel_for(struct context *ctx, uint64_t jobs,
                          enum status (*work)(void *user, uint64_t job, unsigned worker),
                          void *user) MUST_CHECK;

@@ -108,6 +108,13 @@ void tell(struct context *ctx, enum message_level level, const char *format, ...
     pthread_mutex_unlock(&ctx->callback_lock);
 }
 
+enum status poll_cancel(struct context *ctx)
+{
+    if (ctx->cancelled && ctx->cancelled(ctx->user))
+        return fail(ctx, STATUS_CANCELLED, "cancelled");
+    return STATUS_OK;
+}
+
 enum status step(struct context *ctx, const char *stage, uint64_t done, uint64_t total)
 {
     if (ctx->progress) {
@@ -115,7 +122,5 @@ enum status step(struct context *ctx, const char *stage, uint64_t done, uint64_t
         ctx->progress(ctx->user, stage, done, total);
         pthread_mutex_unlock(&ctx->callback_lock);
     }
-    if (ctx->cancelled && ctx->cancelled(ctx->user))
-        return fail(ctx, STATUS_CANCELLED, "cancelled");
-    return STATUS_OK;
+    return poll_cancel(ctx);
 }

@@ -74,6 +74,10 @@ void failure_forget(struct context *ctx);
 void tell(struct context *ctx, enum message_level level, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
+/* STATUS_CANCELLED, with words, if the caller wants to stop. Cheap enough for every few thousand
+ * elements; loops over jobs ask by themselves (parallel.h). */
+enum status poll_cancel(struct context *ctx) MUST_CHECK;
+
 /* Reports `done` of `total` steps of a stage and polls the cancel callback: STATUS_CANCELLED if the
  * caller wants to stop. Cheap enough for once a batch, not for once a face. */
 enum status step(struct context *ctx, const char *stage, uint64_t done, uint64_t total) MUST_CHECK;
