@@ -106,7 +106,8 @@ void chain_set_build(struct context *ctx, const struct slab_set *slabs,
         struct chain_block block;
         must(patch_growth_begin(ctx, slab, options, &space));
         must(chain_trace(ctx, NULL, 0, slab, &space, &scratch, &block, &seams, &counts));
-        memcpy(set->labels[i], space.labels, slab->face_count * sizeof **set->labels);
+        for (size_t f = 0; f < slab->face_count; f++)
+            set->labels[i][f] = space.local.faces[FACE_STRIDE * f + LABEL];
         set->patch_counts[i] = block.patch_count;
         copy_block(ctx, &block, &set->blocks[i]);
         must(seam_join_add(join, &seams));

@@ -32,6 +32,9 @@
  * that pieces of it never wrap round. */
 enum { LOOP_MAX = PATCH_FACES_MAX + 2, LOOP_SPACE = 2 * LOOP_MAX };
 
+/* Vertices of a patch: each of its faces brought one at most, the seed three. */
+enum { INSIDE_MAX = PATCH_FACES_MAX + 3 };
+
 /* A patch is flat to rounding when its normal's square is below this part of the fourth power of
  * its boundary's length: it is as good as closed, or of no area. */
 static const double no_normal = 1e-28;
@@ -48,6 +51,11 @@ struct loop {
     uint32_t count;
 };
 
+/* Edges of a loop between two places where chains end. */
+struct piece {
+    uint32_t from, edges;
+};
+
 /* ---- scratch ---- */
 
 void trace_workspace_clear(struct context *ctx, struct trace_workspace *scratch)
@@ -55,6 +63,9 @@ void trace_workspace_clear(struct context *ctx, struct trace_workspace *scratch)
     memory_release(ctx, &scratch->codes, scratch->code_capacity, sizeof(uint32_t));
     memory_release(ctx, &scratch->edges, scratch->edge_capacity, sizeof(uint32_t));
     memory_release(ctx, &scratch->loop, 2 * LOOP_SPACE, sizeof(uint32_t));
+    memory_release(ctx, &scratch->inside, INSIDE_MAX, sizeof *scratch->inside);
+    memory_release(ctx, &scratch->breaks, LOOP_MAX + 1, sizeof *scratch->breaks);
+    memory_release(ctx, &scratch->pieces, LOOP_MAX + 1, sizeof *scratch->pieces);
     memory_release(ctx, &scratch->chains, scratch->chain_capacity, sizeof *scratch->chains);
     memory_release(ctx, &scratch->junctions, scratch->junction_capacity, sizeof(uint32_t));
     memory_release(ctx, &scratch->interiors, scratch->interior_capacity, sizeof(uint32_t));
@@ -75,7 +86,7 @@ void slab_seams_clear(struct context *ctx, struct slab_seams *seams)
     memory_release(ctx, &seams->vertices, seams->vertex_count, sizeof *seams->vertices);
     memory_release(ctx, &seams->positions, seams->vertex_count, 3 * sizeof *seams->positions);
     memory_release(ctx, &seams->edges, seams->edge_count, sizeof *seams->edges);
-    memory_release(ctx, &seams->junctions, seams->junction_count, sizeof *seams->junctions);
+    memory_release(ctx, &seams->junctions, seams->vertex_count, sizeof *seams->junctions);
     memset(seams, 0, sizeof *seams);
 }
 
@@ -87,6 +98,12 @@ static enum status reserve(struct trace *trace)
     enum status status = STATUS_OK;
     if (!scratch->loop)
         status = memory_take(ctx, 2 * LOOP_SPACE, sizeof(uint32_t), &scratch->loop);
+    if (!status && !scratch->inside)
+        status = memory_take(ctx, INSIDE_MAX, sizeof *scratch->inside, &scratch->inside);
+    if (!status && !scratch->breaks)
+        status = memory_take(ctx, LOOP_MAX + 1, sizeof *scratch->breaks, &scratch->breaks);
+    if (!status && !scratch->pieces)
+        status = memory_take(ctx, LOOP_MAX + 1, sizeof *scratch->pieces, &scratch->pieces);
     if (!status)
         status = memory_reserve(ctx, &scratch->codes, &scratch->code_capacity, vertices,
                                 sizeof *scratch->codes);
@@ -162,18 +179,18 @@ static enum status follow_boundary(struct trace *trace, const struct grown_patch
                    : trace_fail(trace, "the boundary of a patch is not one closed loop");
 }
 
-/* The code of a chain's end: the vertex becomes a junction, if it is none yet. */
-static uint32_t junction_code(struct trace *trace, uint32_t vertex)
+/* The code of a chain's end: the vertex becomes a junction, if it is none yet. (Whether it is one
+ * is hard to guess, so nothing branches on it.) */
+static inline uint32_t junction_code(struct trace *trace, uint32_t vertex)
 {
-    uint32_t *code = trace->scratch->codes + vertex;
-    if (*code == CODE_NONE) {
-        trace->scratch->junctions[trace->junction_count] = vertex;
-        *code = (uint32_t)trace->junction_count++; /* KIND_JUNCTION is 0 */
-    } else if (code_kind(*code) == KIND_SEAM) {
-        trace->touched_count += !(*code & CODE_TOUCHED);
-        *code |= CODE_TOUCHED;
-    }
-    return *code;
+    uint32_t *place = trace->scratch->codes + vertex, code = *place;
+    const bool is_new = code == CODE_NONE;
+    trace->scratch->junctions[trace->junction_count] = vertex;
+    code = is_new ? (uint32_t)trace->junction_count : code; /* KIND_JUNCTION is 0 */
+    trace->junction_count += is_new;
+    code |= code_kind(code) == KIND_SEAM ? CODE_TOUCHED : 0;
+    *place = code;
+    return code;
 }
 
 /* Adds the chain over the loop's edges [from, from + edges). */
@@ -238,40 +255,45 @@ static enum status cut_closed_loop(struct trace *trace, const struct loop *loop)
     return status;
 }
 
-/* Whether chains end where edge i (from 1) begins. */
-static inline bool is_break(const struct trace *trace, const struct loop *loop, uint32_t i)
+/* The places where chains end on the loop, ascending, into `breaks`; returns their number. */
+static uint32_t find_breaks(const struct trace *trace, const struct loop *loop, uint32_t *breaks)
 {
-    return loop->others[i] != loop->others[i - 1] ||
-           code_kind(trace->scratch->codes[loop->vertices[i]]) == KIND_SEAM;
+    const uint32_t *codes = trace->scratch->codes;
+    uint32_t count = 0, before = loop->others[loop->count - 1];
+    for (uint32_t i = 0; i < loop->count; i++) {
+        uint32_t over = loop->others[i];
+        breaks[count] = i;
+        count += (over != before) | (code_kind(codes[loop->vertices[i]]) == KIND_SEAM);
+        before = over;
+    }
+    return count;
 }
 
 /* Cuts the loop at its junctions and adds the chains against the border and earlier patches. */
 static enum status cut_loop(struct trace *trace, const struct loop *loop)
 {
-    const uint32_t count = loop->count;
-    uint32_t first = 1, edges;
-    while (first <= count && !is_break(trace, loop, first))
-        first++;
-    if (first > count)
+    uint32_t *breaks = trace->scratch->breaks;
+    const uint32_t count = find_breaks(trace, loop, breaks);
+    if (count == 0)
         return cut_closed_loop(trace, loop);
-    if (first == count)
-        first = 0;
-    for (uint32_t from = first; from < first + count; from += edges) {
-        edges = 1;
-        while (edges < count && !is_break(trace, loop, from + edges))
-            edges++;
-        uint32_t over = loop->others[from];
-        if (edges == count && over != NO_PATCH)
-            return trace_fail(trace, "a chain ends at the junction that it began at");
-        enum status status = STATUS_OK;
-        if (over == OVER_SEAM)
-            add_seam_edge(trace, loop->vertices[from], loop->vertices[from + 1]);
-        else if (over != NO_PATCH)
-            status = add_chain(trace, loop, from, edges);
-        if (status)
-            return status;
+    breaks[count] = breaks[0] + loop->count;
+    uint32_t kept = 0; /* the pieces not against free faces, in place */
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t from = breaks[i], edges = breaks[i + 1] - from;
+        trace->scratch->pieces[kept] = (struct piece){from, edges};
+        kept += loop->others[from] != NO_PATCH;
     }
-    return STATUS_OK;
+    enum status status = STATUS_OK;
+    for (uint32_t i = 0; i < kept && !status; i++) {
+        const struct piece piece = trace->scratch->pieces[i];
+        if (loop->others[piece.from] == OVER_SEAM)
+            add_seam_edge(trace, loop->vertices[piece.from], loop->vertices[piece.from + 1]);
+        else if (piece.edges < loop->count)
+            status = add_chain(trace, loop, piece.from, piece.edges);
+        else
+            status = trace_fail(trace, "a chain ends at the junction that it began at");
+    }
+    return status;
 }
 
 /* ---- what a patch keeps ---- */
@@ -317,18 +339,31 @@ static void find_plane(const struct trace *trace, const struct grown_patch *patc
         plane->centre[c] = first[c] + sum[c] / loop->count;
 }
 
-/* The patch's vertex off its boundary that is farthest from the plane; of equal ones the lowest.
- * NO_INDEX: all are on the boundary. */
+/* The patch's vertices off its boundary, into `inside`; returns their number. */
+static uint32_t find_inside(const struct trace *trace, const struct grown_patch *patch,
+                            uint32_t *inside)
+{
+    const uint32_t *edge_at = trace->scratch->edges;
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < patch->vertex_count; i++) {
+        uint32_t vertex = patch->vertices[i], edge = edge_at[vertex];
+        edge = edge < patch->edge_count ? edge : 0;
+        inside[count] = vertex;
+        count += patch->boundary[edge].start != vertex;
+    }
+    return count;
+}
+
+/* The one that is farthest from the plane; of equal ones the lowest. NO_INDEX: all vertices are on
+ * the boundary. */
 static uint32_t farthest_vertex(const struct trace *trace, const struct grown_patch *patch,
                                 const struct plane_sum *plane, double *farthest)
 {
-    const uint32_t *edge_at = trace->scratch->edges;
-    uint32_t chosen = NO_INDEX;
+    uint32_t *inside = trace->scratch->inside, chosen = NO_INDEX;
+    const uint32_t count = find_inside(trace, patch, inside);
     *farthest = 0;
-    for (uint32_t i = 0; i < patch->vertex_count; i++) {
-        uint32_t vertex = patch->vertices[i], edge = edge_at[vertex];
-        if (edge < patch->edge_count && patch->boundary[edge].start == vertex)
-            continue;
+    for (uint32_t i = 0; i < count; i++) {
+        const uint32_t vertex = inside[i];
         const float *x = trace->local->positions + 3 * (size_t)vertex;
         double distance = fabs(plane->normal[0] * (x[0] - plane->centre[0]) +
                                plane->normal[1] * (x[1] - plane->centre[1]) +
@@ -351,12 +386,11 @@ static enum status add_diagonals(struct trace *trace, const struct grown_patch *
     size_t count = trace->diagonal_count;
     for (uint32_t i = 0; i < patch->face_count; i++) {
         const uint32_t face = patch->faces[i];
-        const uint32_t *corner = local->corners + 3 * (size_t)face;
-        const uint32_t *links = local->links + 3 * (size_t)face;
+        const uint32_t *links = local->links + FACE_STRIDE * (size_t)face;
         for (unsigned k = 0; k < 3; k++) {
-            diagonals[2 * count] = corner[k];
-            diagonals[2 * count + 1] = corner[next3(k)];
-            count += (trace->labels[links[k] >> 2] == patch->number) & (links[k] >> 2 > face);
+            diagonals[2 * count] = edge_start(local, face, k);
+            diagonals[2 * count + 1] = edge_end(local, face, k);
+            count += (local->faces[links[k] | LABEL] == patch->number) & (links[k] >> 2 > face);
         }
     }
     if (count - trace->diagonal_count != patch->edge_count - 3)
@@ -432,7 +466,6 @@ enum status chain_trace(struct context *ctx, struct store *store, uint32_t strid
                           .slab = slab,
                           .local = &space->local,
                           .normals = space->normals,
-                          .labels = space->labels,
                           .scratch = scratch};
     memset(block, 0, sizeof *block);
     memset(seams, 0, sizeof *seams);

@@ -26,7 +26,8 @@ struct slab_seams {
     size_t vertex_count;
     struct seam_edge *edges;
     size_t edge_count;
-    uint32_t *junctions; /* store numbers of the seam vertices at which a chain of the slab ends */
+    uint32_t
+        *junctions; /* store numbers of those at which a chain of the slab ends; room for all */
     size_t junction_count;
 };
 
@@ -38,6 +39,9 @@ struct trace_workspace {
         *edges; /* a local vertex: where it starts an edge in the last boundary that it is on */
     size_t code_capacity, edge_capacity;
     uint32_t *loop; /* one boundary in order: vertices, what lies over the edges; each twice over */
+    uint32_t *breaks;     /* of the loop: where chains end */
+    struct piece *pieces; /* of the loop */
+    uint32_t *inside;     /* vertices off it */
     struct chain *chains;
     size_t chain_capacity;
     uint32_t *junctions; /* local vertices */
@@ -68,7 +72,7 @@ struct trace_counts {
 
 /*
  * Makes the block of `slab` (without its seam chains) and its seams. `space` is one on which
- * patch_growth_begin has just been called for this slab; its labels are the slab's afterwards.
+ * patch_growth_begin has just been called for this slab; its faces have their labels afterwards.
  * `store` is asked for the attributes of foreign vertices and may be NULL when `stride` is 0. The
  * block's arrays are the workspace's, until its next use. STATUS_BAD_INPUT when the adjacency
  * contradicts itself.

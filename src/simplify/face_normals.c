@@ -11,12 +11,14 @@
 #include <math.h>
 #include <string.h>
 
+#include "simplify/float4.h"
+
 /* A face is of zero area when the square of the sine of its first corner's angle is below this:
  * some 100 times the rounding error of the cross product in double precision. */
 static const double zero_sine_squared = 1e-28;
 
-/* The power of four by which areas are scaled: 4^-e for a slab of largest extent 2^e. Exponents are
- * read from the bits, so that the scale is exact whatever the unit of length. */
+/* The power of two by which areas are scaled: 2^40 4^-e for a slab of largest extent 2^e. Exponents
+ * are read from the bits, so that the scale is exact whatever the unit of length. */
 static double area_scale(const struct slab_local *local)
 {
     float low[3], high[3];
@@ -44,7 +46,7 @@ static double area_scale(const struct slab_local *local)
     bits = (2 * 1023 - exponent) << 52;
     double inverse;
     memcpy(&inverse, &bits, sizeof inverse);
-    return inverse * inverse;
+    return 0x1p40 * inverse * inverse;
 }
 
 /* One normal a face; a face of zero area gets all zeros. True when there are any. */
@@ -54,10 +56,10 @@ static bool raw_normals(const struct slab_local *local, double scale, float *nor
     double half_scale = 0.5 * scale;
     bool any_zero = false;
     for (uint32_t f = 0; f < local->face_count; f++) {
-        const uint32_t *corner = local->corners + 3 * (size_t)f;
-        const float *a = positions + 3 * (size_t)corner[0];
-        const float *b = positions + 3 * (size_t)corner[1];
-        const float *c = positions + 3 * (size_t)corner[2];
+        const uint32_t *apex = local->faces + FACE_STRIDE * (size_t)f;
+        const float *a = positions + 3 * (size_t)apex[1];
+        const float *b = positions + 3 * (size_t)apex[2];
+        const float *c = positions + 3 * (size_t)apex[0];
         double ux = (double)b[0] - a[0], uy = (double)b[1] - a[1], uz = (double)b[2] - a[2];
         double vx = (double)c[0] - a[0], vy = (double)c[1] - a[1], vz = (double)c[2] - a[2];
         double x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
@@ -104,8 +106,8 @@ static bool neighbour_sum(const struct slab_local *local, const float *normals, 
     bool any = false;
     sum[0] = sum[1] = sum[2] = 0;
     for (unsigned k = 0; k < 3; k++) {
-        uint32_t link = local->links[3 * (size_t)f + k];
-        const float *normal = normals + NORMAL_STRIDE * (size_t)(link >> 2);
+        uint32_t link = local->links[FACE_STRIDE * (size_t)f + k];
+        const float *normal = normals + (link & ~3u);
         if (is_undefined(normal)) /* as are those beyond the slab */
             continue;
         any = true;
@@ -138,9 +140,8 @@ static void spread_normals(const struct slab_local *local, float *normals, float
         if (!normalise_into(sum[0], sum[1], sum[2], normal))
             normal[2] = 1; /* its neighbours cancel out: any will do */
         for (unsigned k = 0; k < 3; k++) {
-            uint32_t link = local->links[3 * (size_t)f + k];
-            if (link_is_face(local, link) &&
-                is_undefined(normals + NORMAL_STRIDE * (size_t)(link >> 2)))
+            uint32_t link = local->links[FACE_STRIDE * (size_t)f + k];
+            if (link >> 2 < local->face_count && is_undefined(normals + (link & ~3u)))
                 order[tail++] = link >> 2;
         }
     }
@@ -154,24 +155,17 @@ static void spread_normals(const struct slab_local *local, float *normals, float
 static void smooth_once(const struct slab_local *local, const float *from, float *to)
 {
     for (uint32_t f = 0; f < local->face_count; f++) {
-        const float *own = from + NORMAL_STRIDE * (size_t)f;
-        float x = own[0], y = own[1], z = own[2];
-        for (unsigned k = 0; k < 3; k++) {
-            uint32_t link = local->links[3 * (size_t)f + k];
-            const float *other = from + NORMAL_STRIDE * (size_t)(link >> 2);
-            x += other[0];
-            y += other[1];
-            z += other[2];
-        }
-        float *result = to + NORMAL_STRIDE * (size_t)f;
-        memcpy(result, own, NORMAL_STRIDE * sizeof *result);
-        float length2 = x * x + y * y + z * z;
-        if (length2 < 1e-6f) /* they cancel out: the face keeps its own */
-            continue;
-        float inverse = 1 / sqrtf(length2);
-        result[0] = x * inverse;
-        result[1] = y * inverse;
-        result[2] = z * inverse;
+        const size_t at = NORMAL_STRIDE * (size_t)f;
+        const uint32_t *links = local->links + at;
+        const float4 own = float4_load(from + at);
+        const float4 sum = own + float4_load(from + (links[0] & ~3u)) +
+                           float4_load(from + (links[1] & ~3u)) +
+                           float4_load(from + (links[2] & ~3u));
+        const float length2 = float4_sum3(sum * sum);
+        const float inverse = 1 / sqrtf(length2);
+        float4 result = sum * inverse;
+        result[3] = own[3];
+        float4_store(to + at, length2 < 1e-6f ? own : result); /* they cancel out: its own */
     }
 }
 

@@ -7,9 +7,10 @@
 
 #include "simplify/slab_local.h"
 
-/* Four floats a face: the unit normal, then the face's area as a fraction of a power of four near
- * the squared extent of the slab (areas are compared only within a slab). */
-enum { NORMAL_STRIDE = 4 };
+/* Four floats a face, on a multiple of 16 bytes: the unit normal, then the face's area in units of
+ * a power of two, some 2^-40 of the slab's squared extent, so that squares of the smallest areas
+ * and of the sum of all are floats. */
+enum { NORMAL_STRIDE = FACE_STRIDE };
 
 /*
  * Fills *normals (NORMAL_STRIDE floats a face, and zeros for the BEYOND_COUNT entries behind them).

@@ -57,8 +57,9 @@ struct excerpt {
     uint32_t *neighbours; /* NO_INDEX at the border, face_count: a face outside */
     uint8_t *mates;
     float *positions;
-    uint32_t *labels;
     uint32_t patch_count; /* of the last trial */
+    bool has_begun;       /* with the normals smoothed so many times: */
+    uint32_t smoothings;
     struct patch_workspace space;
 };
 
@@ -81,15 +82,12 @@ static enum status take_excerpt(struct context *ctx, struct excerpt *excerpt, ui
         status = memory_take(ctx, faces, sizeof *excerpt->mates, &excerpt->mates);
     if (!status)
         status = memory_take(ctx, faces, 9 * sizeof *excerpt->positions, &excerpt->positions);
-    if (!status)
-        status = memory_take(ctx, faces, sizeof *excerpt->labels, &excerpt->labels);
     return status;
 }
 
 static void clear_excerpt(struct context *ctx, struct excerpt *excerpt)
 {
     const size_t faces = excerpt->face_count;
-    memory_release(ctx, &excerpt->labels, faces, sizeof *excerpt->labels);
     memory_release(ctx, &excerpt->positions, faces, 9 * sizeof *excerpt->positions);
     memory_release(ctx, &excerpt->mates, faces, sizeof *excerpt->mates);
     memory_release(ctx, &excerpt->neighbours, faces, 3 * sizeof *excerpt->neighbours);
@@ -206,19 +204,35 @@ static enum status fill_sample(struct sample *sample)
     return status;
 }
 
-static enum status try_excerpt(void *user, uint64_t job, unsigned worker)
+/* Trials differ in their angles, hardly ever in their normals. */
+static enum status begin_excerpt(struct sample *sample, struct excerpt *excerpt)
 {
-    (void)worker;
-    struct sample *sample = user;
-    struct excerpt *excerpt = &sample->excerpts[job];
+    if (excerpt->has_begun && excerpt->smoothings == sample->options->smoothings) {
+        patch_growth_again(&excerpt->space, sample->options);
+        return STATUS_OK;
+    }
     const struct slab slab = {.face_count = excerpt->face_count,
                               .vertex_end = excerpt->vertex_count,
                               .faces = excerpt->faces,
                               .neighbours = excerpt->neighbours,
                               .mates = excerpt->mates,
                               .positions = excerpt->positions};
-    return patch_grow(sample->ctx, &slab, sample->options, &excerpt->space, excerpt->labels,
-                      &excerpt->patch_count);
+    excerpt->has_begun = true;
+    excerpt->smoothings = sample->options->smoothings;
+    return patch_growth_begin(sample->ctx, &slab, sample->options, &excerpt->space);
+}
+
+static enum status try_excerpt(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct sample *sample = user;
+    struct excerpt *excerpt = &sample->excerpts[job];
+    struct grown_patch patch;
+    enum status status = begin_excerpt(sample, excerpt);
+    excerpt->patch_count = 0;
+    while (!status && patch_growth_next(&excerpt->space, &patch))
+        excerpt->patch_count++;
+    return status;
 }
 
 /* Patches of the whole mesh with these options, as the sample has it. */

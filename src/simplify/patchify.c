@@ -33,10 +33,12 @@
  */
 #include "simplify/patchify.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "base/memory.h"
 #include "simplify/face_normals.h"
+#include "simplify/float4.h"
 
 /* Every face of a patch adds at most two others, the seed three, and each is added by one that
  * stays. */
@@ -53,95 +55,98 @@ struct queued {
 
 /* ---- one patch ---- */
 
-static inline bool is_free(const struct growth *growth, uint32_t link)
+static inline uint32_t label_of(const struct growth *growth, uint32_t link)
 {
-    return growth->labels[link >> 2] == NO_PATCH;
+    return growth->faces[link | LABEL];
 }
 
-/* The vertex of the face behind `link` that lies opposite the shared edge. */
-static inline uint32_t apex_of(const struct growth *growth, uint32_t link)
+static inline bool is_free(const struct growth *growth, uint32_t link)
 {
-    return growth->corners[3 * (size_t)(link >> 2) + previous3(link & 3)];
+    return label_of(growth, link) == NO_PATCH;
 }
 
 /* Edges that the face behind `link` shares with the patch. */
 static inline unsigned shared_edges(const struct growth *growth, uint32_t link)
 {
-    const uint32_t *links = growth->links + 3 * (size_t)(link >> 2);
-    const uint32_t *labels = growth->labels, patch = growth->patch;
-    return (unsigned)(labels[links[0] >> 2] == patch) + (labels[links[1] >> 2] == patch) +
-           (labels[links[2] >> 2] == patch);
+    const uint32_t *links = growth->links + (link & ~3u);
+    const uint32_t patch = growth->patch;
+    return (unsigned)(label_of(growth, links[0]) == patch) + (label_of(growth, links[1]) == patch) +
+           (label_of(growth, links[2]) == patch);
 }
 
-/* Whether adding the free face behind `link`, which shares that many edges, leaves a disk with a
- * simple boundary: test (a) and what the head of this file adds to it. */
-static inline bool keeps_disk(const struct growth *growth, uint32_t link, unsigned shared)
+/*
+ * Whether adding the free face behind `link` leaves a disk with a simple boundary: test (a) and
+ * what the head of this file adds to it. *shared: the edges that it shares with the patch. With a
+ * new apex that is the one it is reached over, and its other neighbours need not be looked at.
+ */
+static inline bool keeps_disk(const struct growth *growth, uint32_t link, unsigned *shared)
 {
-    bool is_new = growth->marks[apex_of(growth, link)] != growth->patch;
-    return ((shared == 1) & is_new) | ((shared == 2) & (growth->boundary > 3));
+    *shared = 1;
+    if (growth->marks[growth->faces[link]] != growth->patch)
+        return true;
+    *shared = shared_edges(growth, link);
+    return *shared == 2 && growth->boundary > 3;
 }
 
-/* Test (b): the normals of face and patch, and of face and neighbour, without roots: the sum of the
- * patch is compared unnormalised, by squares with their sign. */
-static inline bool fits(const struct growth *growth, uint32_t from, uint32_t link, unsigned shared)
+/* Test (b): the normals of face and neighbour, and of face and patch, without roots: the bound for
+ * the patch's sum has its length in it. */
+static inline bool fits(const struct growth *growth, float4 neighbour, uint32_t link,
+                        unsigned shared)
 {
-    const float *normal = growth->normals + NORMAL_STRIDE * (size_t)(link >> 2);
-    const float *neighbour = growth->normals + NORMAL_STRIDE * (size_t)from;
-    const double *sum = growth->sum;
-    unsigned two = shared == 2;
-    float face_dot = normal[0] * neighbour[0] + normal[1] * neighbour[1] + normal[2] * neighbour[2];
-    double dot = normal[0] * sum[0] + normal[1] * sum[1] + normal[2] * sum[2];
-    double square = dot * dot, bound = growth->bound[two];
-    bool is_near = growth->patch_cosine[two] >= 0 ? (dot >= 0) & (square >= bound)
-                                                  : (dot >= 0) | (square <= bound);
-    return is_near & (face_dot >= growth->face_cosine[two]);
+    const struct growth_bounds *bounds = &growth->bounds[shared == 2];
+    float4 normal = float4_load(growth->normals + (link & ~3u));
+    float4 dots = float4_dots(normal, neighbour, normal, float4_load(growth->sum));
+    return (dots[0] >= bounds->face) & (dots[1] >= bounds->patch);
 }
 
-/* *shared is set in any case. */
-static inline bool is_feasible(const struct growth *growth, uint32_t from, uint32_t link,
+static inline bool is_feasible(const struct growth *growth, float4 neighbour, uint32_t link,
                                unsigned *shared)
 {
-    *shared = shared_edges(growth, link);
-    return keeps_disk(growth, link, *shared) & fits(growth, from, link, *shared);
+    return keeps_disk(growth, link, shared) && fits(growth, neighbour, link, *shared);
 }
 
-static inline void add_weighted(struct growth *growth, uint32_t face, double sign)
+static inline float4 normal_of(const struct growth *growth, uint32_t face)
 {
-    const float *normal = growth->normals + NORMAL_STRIDE * (size_t)face;
-    double weight = sign * normal[3], *sum = growth->sum;
-    for (unsigned c = 0; c < 3; c++)
-        sum[c] += weight * normal[c];
-    double length2 = sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2];
-    growth->bound[0] = growth->patch_cosine_squared[0] * length2;
-    growth->bound[1] = growth->patch_cosine_squared[1] * length2;
+    return float4_load(growth->normals + NORMAL_STRIDE * (size_t)face);
+}
+
+static inline void add_weighted(struct growth *growth, uint32_t face, float sign)
+{
+    float4 normal = normal_of(growth, face);
+    float weight = sign * normal[3];
+    float4 sum = float4_load(growth->sum) + weight * normal;
+    float length = sqrtf(float4_sum3(sum * sum));
+    float4_store(growth->sum, sum);
+    growth->bounds[0].patch = growth->patch_cosine[0] * length;
+    growth->bounds[1].patch = growth->patch_cosine[1] * length;
     growth->area += weight;
 }
 
 /* Adds a face that keeps the disk and shares that many edges with it. */
 static inline void add(struct growth *growth, uint32_t link, unsigned shared)
 {
-    uint32_t face = link >> 2, apex = apex_of(growth, link);
+    uint32_t apex = growth->faces[link];
+    __builtin_prefetch(growth->links + (link & ~3u)); /* it will be expanded soon */
     growth->marks[apex] = growth->patch; /* it is, if two edges are shared */
     growth->boundary += shared == 1 ? 1 : -1u;
-    growth->labels[face] = growth->patch;
-    growth->queue[growth->tail++] = (struct queued){face, shared == 1 ? apex : NO_INDEX};
+    growth->faces[link | LABEL] = growth->patch;
+    growth->queue[growth->tail++] = (struct queued){link >> 2, shared == 1 ? apex : NO_INDEX};
     growth->size++;
-    add_weighted(growth, face, 1);
+    add_weighted(growth, link >> 2, 1);
 }
 
 /* The reverse of add, but for the queue. */
 static inline void take_away(struct growth *growth, uint32_t link, unsigned shared)
 {
-    uint32_t face = link >> 2;
     if (shared == 1) {
-        growth->marks[apex_of(growth, link)] = NO_PATCH;
+        growth->marks[growth->faces[link]] = NO_PATCH;
         growth->boundary--;
     } else {
         growth->boundary++;
     }
-    growth->labels[face] = NO_PATCH;
+    growth->faces[link | LABEL] = NO_PATCH;
     growth->size--;
-    add_weighted(growth, face, -1);
+    add_weighted(growth, link >> 2, -1);
 }
 
 /*
@@ -153,13 +158,14 @@ static inline void take_away(struct growth *growth, uint32_t link, unsigned shar
 static inline void expand_two(struct growth *growth, uint32_t head, unsigned shared)
 {
     uint32_t face = growth->queue[head].face;
-    uint32_t one = growth->links[3 * (size_t)face + next3(shared)];
-    uint32_t two = growth->links[3 * (size_t)face + previous3(shared)];
+    uint32_t one = growth->links[FACE_STRIDE * (size_t)face + next3(shared)];
+    uint32_t two = growth->links[FACE_STRIDE * (size_t)face + previous3(shared)];
+    float4 normal = normal_of(growth, face);
     unsigned shared_one, shared_two;
-    if (is_feasible(growth, face, one, &shared_one) & is_feasible(growth, face, two, &shared_two)) {
+    if (is_feasible(growth, normal, one, &shared_one) &&
+        is_feasible(growth, normal, two, &shared_two)) {
         add(growth, one, shared_one);
-        shared_two = shared_edges(growth, two);
-        if (keeps_disk(growth, two, shared_two)) {
+        if (keeps_disk(growth, two, &shared_two)) {
             add(growth, two, shared_two);
             return;
         }
@@ -173,33 +179,34 @@ static inline void expand_two(struct growth *growth, uint32_t head, unsigned sha
 /* Adds what is feasible of the neighbours of `face`, one by one. */
 static inline void expand_each(struct growth *growth, uint32_t face)
 {
+    float4 normal = normal_of(growth, face);
     for (unsigned k = 0; k < 3; k++) {
-        uint32_t link = growth->links[3 * (size_t)face + k];
+        uint32_t link = growth->links[FACE_STRIDE * (size_t)face + k];
         unsigned shared;
         if (is_free(growth, link) && growth->size < growth->most_faces &&
-            is_feasible(growth, face, link, &shared))
+            is_feasible(growth, normal, link, &shared))
             add(growth, link, shared);
     }
 }
 
 static void grow_from(struct growth *growth, uint32_t seed)
 {
-    const uint32_t *corner = growth->corners + 3 * (size_t)seed;
+    const uint32_t *vertices = growth->faces + FACE_STRIDE * (size_t)seed;
     growth->size = 1;
     growth->boundary = 3;
     growth->tail = 0;
     growth->queue[growth->tail++] = (struct queued){seed, NO_INDEX};
-    growth->labels[seed] = growth->patch;
+    growth->faces[FACE_STRIDE * (size_t)seed + LABEL] = growth->patch;
     growth->area = 0;
     memset(growth->sum, 0, sizeof growth->sum);
     add_weighted(growth, seed, 1);
     for (unsigned k = 0; k < 3; k++)
-        growth->marks[corner[k]] = growth->patch;
+        growth->marks[vertices[k]] = growth->patch;
 
     expand_each(growth, seed);
     for (uint32_t head = 1; head < growth->tail && growth->size < growth->most_faces; head++) {
         uint32_t face = growth->queue[head].face;
-        const uint32_t *links = growth->links + 3 * (size_t)face;
+        const uint32_t *links = growth->links + FACE_STRIDE * (size_t)face;
         unsigned free = (unsigned)is_free(growth, links[0]) | is_free(growth, links[1]) << 1 |
                         is_free(growth, links[2]) << 2;
         if (free == 0)
@@ -207,7 +214,7 @@ static void grow_from(struct growth *growth, uint32_t seed)
         if ((free & (free - 1)) == 0) {
             unsigned shared;
             uint32_t link = links[free >> 1];
-            if (is_feasible(growth, face, link, &shared))
+            if (is_feasible(growth, normal_of(growth, face), link, &shared))
                 add(growth, link, shared);
         } else if (growth->size + 2 <= growth->most_faces) {
             expand_two(growth, head, free == 6 ? 0 : free == 5 ? 1 : 2);
@@ -220,10 +227,10 @@ static void gather(struct patch_workspace *space, struct grown_patch *patch)
 {
     struct growth *growth = &space->growth;
     uint32_t *faces = space->lists, *vertices = faces + QUEUE_SIZE, face_count = 0;
-    const uint32_t *seed = growth->corners + 3 * (size_t)growth->queue[0].face;
     struct boundary_edge *boundary = space->boundary;
     uint32_t vertex_count = 3, edge_count = 0;
-    memcpy(vertices, seed, 3 * sizeof *vertices);
+    memcpy(vertices, growth->faces + FACE_STRIDE * (size_t)growth->queue[0].face,
+           3 * sizeof *vertices);
     for (uint32_t i = 0; i < growth->tail; i++) {
         faces[face_count] = growth->queue[i].face;
         face_count += growth->queue[i].face != NO_INDEX;
@@ -231,15 +238,17 @@ static void gather(struct patch_workspace *space, struct grown_patch *patch)
         vertex_count += growth->queue[i].apex != NO_INDEX;
     }
     for (uint32_t i = 0; i < face_count; i++) {
-        const uint32_t *corner = growth->corners + 3 * (size_t)faces[i];
-        const uint32_t *links = growth->links + 3 * (size_t)faces[i];
+        const uint32_t *apex = growth->faces + FACE_STRIDE * (size_t)faces[i];
+        const uint32_t *links = growth->links + FACE_STRIDE * (size_t)faces[i];
         for (unsigned k = 0; k < 3; k++) {
-            uint32_t over = growth->labels[links[k] >> 2];
-            boundary[edge_count] = (struct boundary_edge){corner[k], corner[next3(k)], over};
+            uint32_t over = label_of(growth, links[k]);
+            boundary[edge_count] =
+                (struct boundary_edge){apex[next3(k)], apex[previous3(k)], over, links[k]};
             edge_count += over != growth->patch;
-            bit_tree_set_if(&growth->candidates, links[k] >> 2, over == NO_PATCH);
         }
     }
+    for (uint32_t i = 0; i < edge_count; i++)
+        bit_tree_set_if(&growth->candidates, boundary[i].link >> 2, boundary[i].over == NO_PATCH);
     *patch = (struct grown_patch){.number = growth->patch,
                                   .face_count = face_count,
                                   .vertex_count = vertex_count,
@@ -258,11 +267,12 @@ static uint32_t next_seed(struct growth *growth)
 {
     uint32_t seed;
     while (bit_tree_lowest(&growth->candidates, &seed)) {
-        if (growth->labels[seed] == NO_PATCH)
+        if (growth->faces[FACE_STRIDE * (size_t)seed + LABEL] == NO_PATCH)
             return seed;
         bit_tree_clear(&growth->candidates, seed);
     }
-    while (growth->lowest < growth->face_count && growth->labels[growth->lowest] != NO_PATCH)
+    while (growth->lowest < growth->face_count &&
+           growth->faces[FACE_STRIDE * (size_t)growth->lowest + LABEL] != NO_PATCH)
         growth->lowest++;
     return growth->lowest < growth->face_count ? growth->lowest : NO_INDEX;
 }
@@ -281,9 +291,8 @@ bool patch_growth_next(struct patch_workspace *space, struct grown_patch *patch)
 static void set_options(struct growth *growth, const struct patch_options *options)
 {
     for (unsigned i = 0; i < 2; i++) {
-        growth->face_cosine[i] = (float)options->face_cosine[i];
-        growth->patch_cosine[i] = options->patch_cosine[i];
-        growth->patch_cosine_squared[i] = options->patch_cosine[i] * options->patch_cosine[i];
+        growth->bounds[i].face = (float)options->face_cosine[i];
+        growth->patch_cosine[i] = (float)options->patch_cosine[i];
     }
     growth->most_faces = options->most_faces;
     if (growth->most_faces == 0 || growth->most_faces > PATCH_FACES_MAX)
@@ -301,9 +310,8 @@ static void release_arrays(struct context *ctx, struct patch_workspace *space)
 static enum status reserve(struct context *ctx, struct patch_workspace *space)
 {
     size_t faces = (size_t)space->local.face_count + BEYOND_COUNT;
-    size_t labels_and_marks = faces + space->local.vertex_count;
     size_t spare = NORMAL_STRIDE * faces;
-    spare = spare < labels_and_marks ? labels_and_marks : spare;
+    spare = spare < space->local.vertex_count ? space->local.vertex_count : spare;
     enum status status = STATUS_OK;
     if (faces > space->face_capacity || spare > space->spare_capacity) {
         release_arrays(ctx, space);
@@ -336,33 +344,44 @@ void patch_workspace_clear(struct context *ctx, struct patch_workspace *space)
     memset(space, 0, sizeof *space);
 }
 
-enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
-                               const struct patch_options *options, struct patch_workspace *space)
+static void begin(struct patch_workspace *space, const struct patch_options *options,
+                  double area_factor)
 {
-    struct slab_local *local = &space->local;
-    enum status status = slab_local_fill(ctx, slab, local);
-    if (!status)
-        status = reserve(ctx, space);
-    if (status)
-        return status;
-    double area_factor =
-        face_normals_fill(local, options->smoothings, &space->normals, &space->spare);
-    size_t faces = (size_t)local->face_count + BEYOND_COUNT;
-    space->labels = (uint32_t *)(void *)space->spare;
-    memset(space->labels, 0xff, (faces + local->vertex_count) * sizeof *space->labels);
-    space->labels[local->face_count + BEYOND_BORDER] = OVER_BORDER;
-    space->labels[local->face_count + BEYOND_SEAM] = OVER_SEAM;
-    space->growth = (struct growth){.corners = local->corners,
+    const struct slab_local *local = &space->local;
+    uint32_t *marks = (uint32_t *)(void *)space->spare;
+    memset(marks, 0xff, local->vertex_count * sizeof *marks);
+    local->faces[link_beyond(local, BEYOND_BORDER) | LABEL] = OVER_BORDER;
+    local->faces[link_beyond(local, BEYOND_SEAM) | LABEL] = OVER_SEAM;
+    space->growth = (struct growth){.faces = local->faces,
                                     .links = local->links,
                                     .normals = space->normals,
-                                    .labels = space->labels,
-                                    .marks = space->labels + faces,
+                                    .marks = marks,
                                     .queue = space->queue,
                                     .face_count = local->face_count,
                                     .area_factor = area_factor};
     set_options(&space->growth, options);
-    bit_tree_init(&space->growth.candidates, space->candidates, faces);
-    return STATUS_OK;
+    bit_tree_init(&space->growth.candidates, space->candidates,
+                  (size_t)local->face_count + BEYOND_COUNT);
+}
+
+enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
+                               const struct patch_options *options, struct patch_workspace *space)
+{
+    enum status status = slab_local_fill(ctx, slab, &space->local);
+    if (!status)
+        status = reserve(ctx, space);
+    if (!status)
+        begin(
+            space, options,
+            face_normals_fill(&space->local, options->smoothings, &space->normals, &space->spare));
+    return status;
+}
+
+void patch_growth_again(struct patch_workspace *space, const struct patch_options *options)
+{
+    for (size_t f = 0; f < space->local.face_count; f++)
+        space->local.faces[FACE_STRIDE * f + LABEL] = NO_PATCH;
+    begin(space, options, space->growth.area_factor);
 }
 
 enum status patch_grow(struct context *ctx, const struct slab *slab,
@@ -376,8 +395,8 @@ enum status patch_grow(struct context *ctx, const struct slab *slab,
     *patch_count = 0;
     while (patch_growth_next(space, &patch))
         ++*patch_count;
-    if (slab->face_count)
-        memcpy(labels, space->labels, slab->face_count * sizeof *labels);
+    for (size_t f = 0; f < slab->face_count; f++)
+        labels[f] = space->local.faces[FACE_STRIDE * f + LABEL];
     return STATUS_OK;
 }
 

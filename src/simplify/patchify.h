@@ -17,8 +17,10 @@
 struct boundary_edge {
     uint32_t start, end; /* local vertices */
     uint32_t over;       /* an earlier patch, NO_PATCH for a face that is free as yet, or: */
+    uint32_t link;
 };
 
+/* Labels of what is beyond the slab. */
 #define OVER_BORDER (UINT32_MAX - 1)
 #define OVER_SEAM (UINT32_MAX - 2)
 
@@ -32,21 +34,27 @@ struct grown_patch {
     double area;                          /* of its faces, model units */
 };
 
+/* What a face must reach to fit: its dot product with the neighbour's normal, and with the sum of
+ * the patch's. */
+struct growth_bounds {
+    float face, patch;
+};
+
 /* The state of growth; private to patchify.c. */
 struct growth {
-    const uint32_t *corners;
+    _Alignas(16) float sum[4]; /* of the normals of the patch being grown, weighted by area; their
+                                  area */
+    struct growth_bounds bounds[2]; /* sharing one edge, sharing two */
+    float patch_cosine[2];
+    uint32_t *faces; /* of the slab, with the labels; NO_PATCH: free */
     const uint32_t *links;
     const float *normals;
-    uint32_t *labels; /* NO_PATCH: free */
-    uint32_t *marks;  /* a local vertex: the patch that it came into last */
+    uint32_t *marks; /* a local vertex: the patch that it came into last */
     struct queued *queue;
     struct bit_tree candidates; /* free faces beside a finished patch, and some no longer free */
     uint32_t face_count;
     uint32_t lowest; /* no face below is free */
     uint32_t most_faces;
-    float face_cosine[2];
-    double patch_cosine[2];
-    double patch_cosine_squared[2];
     double area_factor;
 
     /* the patch being grown */
@@ -54,21 +62,18 @@ struct growth {
     uint32_t size;     /* faces */
     uint32_t boundary; /* edges of its loop */
     uint32_t tail;     /* of the queue */
-    double sum[3];     /* of its faces' normals, weighted by area */
-    double bound[2];   /* patch_cosine_squared times the squared length of `sum` */
     double area;
 };
 
 /*
  * What one worker needs for one slab at a time; all zero before its first use, kept from slab to
- * slab.
+ * slab. While patches grow, local.faces has their labels.
  */
 struct patch_workspace {
     struct slab_local local;
-    float *normals;   /* face_normals.h */
-    uint32_t *labels; /* a face: its patch, NO_PATCH while it is free; BEYOND_COUNT more entries */
+    float *normals; /* face_normals.h */
     /* private to patchify.c */
-    float *spare; /* of the normals; then labels and marks lie in it */
+    float *spare; /* of the normals; then marks lie in it */
     struct queued *queue;
     uint32_t *lists; /* of the patch last grown: faces, vertices */
     struct boundary_edge *boundary;
@@ -81,13 +86,15 @@ struct patch_workspace {
 void patch_workspace_clear(struct context *ctx, struct patch_workspace *space);
 
 /*
- * Begins growing on `slab`, which may be closed afterwards but for its foreign table: fills
- * space->local, the normals, and labels all NO_PATCH. STATUS_BAD_INPUT when the slab's tables
- * contradict themselves.
+ * Begins growing on `slab`, which may be closed afterwards: fills space->local, the normals, and
+ * labels all NO_PATCH. STATUS_BAD_INPUT when the slab's tables contradict themselves.
  */
 enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
                                const struct patch_options *options,
                                struct patch_workspace *space) MUST_CHECK;
+
+/* Begins again on the slab begun last, with other cosines; smoothings must be the same. */
+void patch_growth_again(struct patch_workspace *space, const struct patch_options *options);
 
 /* Grows the next patch; patches are numbered from 0. False when no face is free any more. */
 bool patch_growth_next(struct patch_workspace *space, struct grown_patch *patch);

@@ -15,29 +15,41 @@
  */
 enum { BEYOND_BORDER = 0, BEYOND_SEAM = 1, BEYOND_COUNT = 2 };
 
+/* Four numbers a face in each of its arrays, so that a link is an index and all of a face lies in
+ * one line of the cache: faces[link] is the vertex opposite the edge that the link leads over,
+ * faces[link | LABEL] that face's label, links[link & ~3] its first link. */
+enum { FACE_STRIDE = 4, LABEL = 3 };
+
 /* Arrays grow as slabs ask for it and are reused from one slab to the next by the same worker. */
 struct slab_local {
     uint32_t face_count;
-    uint32_t own_count;      /* local vertices [0, own_count) are the slab's own */
-    uint32_t vertex_count;   /* own and foreign */
-    uint32_t vertex_first;   /* store number of local vertex 0 */
-    const uint32_t *foreign; /* borrowed from the slab: store numbers of the foreign ones */
-    size_t seam_links;       /* links that lead to another slab */
-    uint32_t *corners;       /* 3 a face: local vertices */
-    uint32_t *links;         /* 3 a face: over edge k */
-    float *positions;        /* 3 a local vertex */
-    size_t face_capacity;
+    uint32_t own_count;    /* local vertices [0, own_count) are the slab's own */
+    uint32_t vertex_count; /* own and foreign */
+    uint32_t vertex_first; /* store number of local vertex 0 */
+    uint32_t *foreign;     /* store numbers of the foreign ones */
+    size_t seam_links;     /* links that lead to another slab */
+    uint32_t *faces;       /* vertices opposite edges 0, 1, 2; label: UINT32_MAX when filled */
+    uint32_t *links;       /* over edges 0, 1, 2; 0 */
+    float *positions;      /* 3 a local vertex */
+    size_t face_capacity;  /* those beyond counted */
     size_t vertex_capacity;
+    size_t foreign_capacity;
 };
-
-static inline bool link_is_face(const struct slab_local *local, uint32_t link)
-{
-    return link >> 2 < local->face_count;
-}
 
 static inline uint32_t link_beyond(const struct slab_local *local, unsigned beyond)
 {
     return (local->face_count + beyond) << 2;
+}
+
+/* Where edge k of a face starts and where it ends. */
+static inline uint32_t edge_start(const struct slab_local *local, uint32_t face, unsigned k)
+{
+    return local->faces[FACE_STRIDE * (size_t)face + next3(k)];
+}
+
+static inline uint32_t edge_end(const struct slab_local *local, uint32_t face, unsigned k)
+{
+    return local->faces[FACE_STRIDE * (size_t)face + previous3(k)];
 }
 
 /* Store number of a local vertex. */
@@ -47,8 +59,8 @@ static inline uint32_t local_vertex_number(const struct slab_local *local, uint3
                                      : local->foreign[vertex - local->own_count];
 }
 
-/* Fills `local` (all zero before its first use) from a slab that stays open while `local` is used.
- * A vertex that the slab's tables do not have, or an edge number above 2, is STATUS_BAD_INPUT. */
+/* Fills `local` (all zero before its first use) from a slab, which may be closed afterwards. A
+ * vertex that the slab's tables do not have, or an edge number above 2, is STATUS_BAD_INPUT. */
 enum status slab_local_fill(struct context *ctx, const struct slab *slab,
                             struct slab_local *local) MUST_CHECK;
 void slab_local_clear(struct context *ctx, struct slab_local *local);

@@ -19,13 +19,12 @@ static void mark_seams(struct trace *trace)
                    marked = (uint32_t)KIND_SEAM << CODE_SHIFT;
     uint32_t *codes = trace->scratch->codes;
     for (uint32_t f = 0; f < local->face_count; f++) {
-        const uint32_t *links = local->links + 3 * (size_t)f;
+        const uint32_t *links = local->links + FACE_STRIDE * (size_t)f;
         if (links[0] != seam && links[1] != seam && links[2] != seam)
             continue;
-        const uint32_t *corner = local->corners + 3 * (size_t)f;
         for (unsigned k = 0; k < 3; k++)
             if (links[k] == seam)
-                codes[corner[k]] = codes[corner[next3(k)]] = marked;
+                codes[edge_start(local, f, k)] = codes[edge_end(local, f, k)] = marked;
     }
 }
 
@@ -64,6 +63,15 @@ enum status trace_number_seams(struct trace *trace)
     return STATUS_OK;
 }
 
+/* The seam vertices as local ones again: foreign ones below the slab's range, its own, foreign ones
+ * above, as they were numbered; *foreign counts the foreign ones. */
+static uint32_t local_seam_vertex(const struct slab_local *local, uint32_t number,
+                                  uint32_t *foreign)
+{
+    uint32_t own = number - local->vertex_first;
+    return own < local->own_count ? own : local->own_count + (*foreign)++;
+}
+
 enum status trace_take_seams(struct trace *trace, const struct chain_block *block,
                              struct slab_seams *seams)
 {
@@ -74,15 +82,13 @@ enum status trace_take_seams(struct trace *trace, const struct chain_block *bloc
     seams->block_junctions = block->junction_count;
     seams->vertex_count = vertices;
     seams->edge_count = trace->seam_edge_count;
-    seams->junction_count = trace->touched_count;
     enum status status = memory_take(ctx, vertices, sizeof *seams->vertices, &seams->vertices);
     if (!status)
         status = memory_take(ctx, vertices, 3 * sizeof *seams->positions, &seams->positions);
     if (!status)
         status = memory_take(ctx, seams->edge_count, sizeof *seams->edges, &seams->edges);
     if (!status)
-        status =
-            memory_take(ctx, seams->junction_count, sizeof *seams->junctions, &seams->junctions);
+        status = memory_take(ctx, vertices, sizeof *seams->junctions, &seams->junctions);
     if (status)
         return status;
     if (vertices) {
@@ -92,10 +98,13 @@ enum status trace_take_seams(struct trace *trace, const struct chain_block *bloc
     }
     if (seams->edge_count)
         memcpy(seams->edges, scratch->seam_edges, seams->edge_count * sizeof *seams->edges);
-    size_t next = 0;
-    for (uint32_t v = 0; v < trace->local->vertex_count && next < seams->junction_count; v++)
-        if (code_kind(scratch->codes[v]) == KIND_SEAM && scratch->codes[v] & CODE_TOUCHED)
-            seams->junctions[next++] = local_vertex_number(trace->local, v);
+    uint32_t foreign = 0;
+    for (size_t i = 0; i < vertices; i++) {
+        uint32_t number = scratch->seam_vertices[i];
+        uint32_t vertex = local_seam_vertex(trace->local, number, &foreign);
+        seams->junctions[seams->junction_count] = number;
+        seams->junction_count += (scratch->codes[vertex] & CODE_TOUCHED) != 0;
+    }
     return STATUS_OK;
 }
 
@@ -147,15 +156,6 @@ static enum status gather_vertices(struct trace *trace, struct store *store, uin
             memcpy(record, trace->slab->records + (size_t)vertices[i] * stride, stride);
     }
     return status;
-}
-
-/* The seam vertices as local ones again: foreign below, own, foreign above, as they were numbered.
- */
-static uint32_t local_seam_vertex(const struct slab_local *local, uint32_t number,
-                                  uint32_t *foreign)
-{
-    uint32_t own = number - local->vertex_first;
-    return own < local->own_count ? own : local->own_count + (*foreign)++;
 }
 
 static enum status gather_all(struct trace *trace, struct store *store, uint32_t stride)

@@ -29,7 +29,6 @@ struct trace {
     const struct slab *slab;
     const struct slab_local *local;
     const float *normals;
-    const uint32_t *labels;
     struct trace_workspace *scratch;
     size_t patch_count;
     size_t chain_count;
@@ -39,7 +38,6 @@ struct trace {
     size_t diagonal_count;
     size_t seam_vertex_count;
     size_t seam_edge_count;
-    size_t touched_count;
     uint64_t most_faces;
 };
 
