@@ -21,7 +21,7 @@ ninja -C "$build"
 
 export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
 export ASAN_OPTIONS=detect_leaks=1:allocator_may_return_null=1
-targets=${*:-number polygon gzip ply obj stl off import store chains shape}
+targets=${*:-number polygon gzip ply obj stl off import store chains shape resume}
 mkdir -p "$build/corpus" "$build/findings" "$build/log"
 result=0
 for target in $targets; do
