@@ -80,7 +80,7 @@ enum status check_writable(struct context *ctx, const char *output)
     if (output[0] == '\0')
         return fail(ctx, STATUS_MISUSE, "the name of the output is empty");
     if (strlen(output) >= sizeof folder)
-        return fail(ctx, STATUS_MISUSE, "the name of the output is too long");
+        return fail(ctx, STATUS_MISUSE, "%.99s...: the name of the output is too long", output);
     if (stat(output, &info) == 0) {
         if (S_ISDIR(info.st_mode))
             return fail(ctx, STATUS_IO, "%s: is a directory", output);
@@ -88,6 +88,8 @@ enum status check_writable(struct context *ctx, const char *output)
             return access(output, W_OK) == 0
                        ? STATUS_OK
                        : fail_errno(ctx, errno, "%s: cannot be written", output);
+    } else if (errno == ENAMETOOLONG) {
+        return fail_errno(ctx, errno, "%s: cannot be created", output);
     }
     folder_of(output, folder);
     if (access(folder, W_OK | X_OK) != 0)
@@ -180,6 +182,8 @@ enum status check_levels(struct context *ctx, const char *const *inputs, size_t 
                     "mode classic keeps vertices where they are: placement optimal needs mode "
                     "collapse");
     char name[PATH_MAX];
+    if (strlen(output) >= sizeof name)
+        return fail(ctx, STATUS_MISUSE, "%.99s...: the name of the output is too long", output);
     if (!expand_name(output, 0, target->count, name, sizeof name))
         return fail(ctx, STATUS_MISUSE, "%s: the output's name %s%%d, and %%%% for a percent sign",
                     output, target->count > 1 ? "needs one " : "may hold one ");

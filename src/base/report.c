@@ -43,6 +43,30 @@ static void make_one_line(char *text)
     }
 }
 
+/* Words and a reason behind them (or NULL). Where names make them too long for `text`, which has
+ * the size of ctx->error, it is the middle that goes: the reason stands at the end. */
+static void put_words(char *text, size_t size, const char *format, va_list arguments,
+                      const char *reason)
+{
+    static const char gap[] = " [...] ";
+    char whole[4 * PATH_MAX];
+    int length = vsnprintf(whole, sizeof whole, format, arguments);
+    size_t used = length < 0 ? 0 : (size_t)length;
+    used = used < sizeof whole - 160 ? used : sizeof whole - 160;
+    if (reason)
+        used += (size_t)snprintf(whole + used, sizeof whole - used, ": %.140s", reason);
+    if (used < size) {
+        memcpy(text, whole, used);
+        text[used] = '\0';
+        return;
+    }
+    const size_t head = size / 2, tail = size - head - sizeof gap;
+    memcpy(text, whole, head);
+    memcpy(text + head, gap, sizeof gap - 1);
+    memcpy(text + head + sizeof gap - 1, whole + used - tail, tail);
+    text[size - 1] = '\0';
+}
+
 static void record(struct context *ctx, enum status status, const char *text)
 {
     pthread_mutex_lock(&ctx->lock);
@@ -59,7 +83,7 @@ enum status fail(struct context *ctx, enum status status, const char *format, ..
     char text[sizeof ctx->error];
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
+    put_words(text, sizeof text, format, arguments, NULL);
     va_end(arguments);
     record(ctx, status, text);
     return status;
@@ -67,17 +91,11 @@ enum status fail(struct context *ctx, enum status status, const char *format, ..
 
 enum status fail_errno(struct context *ctx, int error, const char *format, ...)
 {
-    char text[sizeof ctx->error];
+    char text[sizeof ctx->error], words[128];
     va_list arguments;
     va_start(arguments, format);
-    int length = vsnprintf(text, sizeof text, format, arguments);
+    put_words(text, sizeof text, format, arguments, strerror_r(error, words, sizeof words));
     va_end(arguments);
-
-    size_t used = length < 0 ? 0 : (size_t)length;
-    if (used < sizeof text) {
-        char words[128];
-        snprintf(text + used, sizeof text - used, ": %s", strerror_r(error, words, sizeof words));
-    }
     enum status status = STATUS_IO;
     if (error == ENOSPC || error == EDQUOT)
         status = STATUS_NO_SPACE;
@@ -100,7 +118,7 @@ void tell(struct context *ctx, enum message_level level, const char *format, ...
     char text[sizeof ctx->error];
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
+    put_words(text, sizeof text, format, arguments, NULL);
     va_end(arguments);
     make_one_line(text);
     pthread_mutex_lock(&ctx->callback_lock);
