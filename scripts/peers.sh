@@ -14,3 +14,4 @@ g++ $flags -I/usr/include/eigen3 cgal.cpp -o "$out/cgal" -lgmp -lmpfr
 g++ $flags openmesh.cpp -o "$out/openmesh" -lOpenMeshCore -lOpenMeshTools
 g++ $flags -Wno-deprecated -I/usr/include/vtk-9.1 vtk.cpp -o "$out/vtk" -lvtkFiltersCore-9.1 \
     -lvtkCommonDataModel-9.1 -lvtkCommonExecutionModel-9.1 -lvtkCommonCore-9.1 -lvtksys-9.1
+g++ -O2 -DNDEBUG manifold.cpp -o "$out/manifold" -lgmp -lmpfr

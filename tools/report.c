@@ -350,9 +350,11 @@ int report_finish(struct report *report, const struct options *options, const ch
                 spbm_version(), command, report->counts, seconds_text(wall).s, seconds_text(cpu).s,
                 size_text(peak).s, size_text(report->budget).s, report->budget_from);
     if (options->json && !save_json(options->json, report->root)) {
+        bool is_full = errno == ENOSPC || errno == EDQUOT;
         fprintf(stderr, "spbm: error: %s: the report cannot be written: %s\n", options->json,
                 strerror(errno));
-        exit_code = exit_code == EXIT_DONE || exit_code == EXIT_MISSED ? EXIT_FAILED : exit_code;
+        if (exit_code == EXIT_DONE || exit_code == EXIT_MISSED)
+            exit_code = is_full ? EXIT_FULL : EXIT_FAILED;
     }
     json_decref(report->root);
     report->root = NULL;

@@ -130,6 +130,50 @@ class Claims(Hostile):
             self.refused(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 " + index + b"\n", "face 0" if index == b"4" else "")
         self.refused(b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 4294967295\n", "face 0")
 
+    def test_headers_that_do_not_end(self):
+        head = b"ply\nformat ascii 1.0\n"
+        vertex = b"element vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        face = b"element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        body = b"0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+        others = [b"element e%d 0\n" % i for i in range(64)]
+        self.taken(head + vertex + b"".join(others[:62]) + face + body, faces=1)
+        self.refused(head + vertex + b"".join(others) + face + body, "64 elements")
+        self.refused(head + vertex + b"element a 0\n" + b"".join(b"property int p%d\n" % i for i in range(1025)) + face + body, "1024 properties")
+        self.refused(head + vertex + b"property int " + b"p" * 256 + b"\n" + face + body, "line 7", "255 characters")
+        self.refused(head + b"comment\n" * 1000000, "does not end")
+        self.refused(head + vertex + face[:-11], "ends within the header")
+
+    def test_coordinates_of_any_type_must_be_finite(self):
+        for order, kind in (("<", "little"), (">", "big")):
+            head = (PLY_HEAD % ("binary_%s_endian" % kind, 3, 1, "uchar")).replace("float y", "double y")
+            rows = [struct.pack(order + "fdf", *p) for p in ((0, 0, 0), (1, 0, 0), (0, 1, 0))]
+            face = struct.pack(order + "B3i", 3, 0, 1, 2)
+            self.taken(head.encode() + b"".join(rows) + face, faces=1)
+            for value in (float("nan"), float("inf")):
+                bad = [rows[0], struct.pack(order + "fdf", 1, value, 0), rows[2]]
+                self.refused(head.encode() + b"".join(bad) + face, "vertex 1", "y is not finite")
+
+    def test_inputs_of_different_kinds_are_one_mesh(self):
+        """Doubles that float32 can't hold, before, between and behind files of float32."""
+        far = "v 5000000.001 0 %d\nv 5000001.002 0 %d\nv 5000000.003 1.5 %d\nf 1 2 3\n"
+        self.write("far.obj", (far % (0, 0, 0)).encode())
+        self.write("far2.obj", (far % (9, 9, 9)).encode())
+        self.write("near.ply", ply(body=TRIANGLE + FACE))
+        for names in (("far.obj", "near.ply", "far2.obj"), ("near.ply", "far.obj", "far2.obj"),
+                      ("far.obj", "far2.obj", "near.ply")):
+            self.run_limited("import", *names, "-o", "out.store", code=0)
+            self.run_limited("check", "out.store", code=0)
+            self.run_limited("export", "out.store", "-o", "out.obj", code=0)
+            with open(self.path("out.obj"), encoding="ascii") as file:
+                lines = file.read().splitlines()
+            found = sorted(tuple(map(float, line.split()[1:4])) for line in lines if line.startswith("v "))
+            self.assertEqual(len(found), 9)
+            right = sorted([(0, 0, 0), (0, 1, 0), (1, 0, 0)] +
+                           [(5000000 + x, y, z) for z in (0, 9) for x, y in ((.001, 0), (1.002, 0), (.003, 1.5))])
+            for a, b in zip(found, right):  # within 2^-24 of the box's largest side
+                self.assertLess(max(abs(p - q) for p, q in zip(a, b)), 5000001 / 2 ** 24)
+            self.assertEqual(sum(line.startswith("f ") for line in lines), 3)
+
     def test_numbers_at_the_edge(self):
         for value in (float("nan"), float("inf"), -float("inf")):
             self.refused(ply(body=struct.pack("<9f", 0, 0, 0, 1, value, 0, 0, 1, 0) + FACE), "vertex 1", "y")
@@ -230,6 +274,17 @@ class Files(Hostile):
             self.run_limited("import", "in.ply", "-o", output, code=code)
             self.assertEqual(sorted(os.listdir(self.folder)), ["folder", "in.ply"])
         self.assertEqual(os.listdir(self.path("folder")), [])
+
+    def test_no_room_for_what_looks_at_meshes(self):
+        self.sphere("in.ply", 12)
+        os.symlink("/dev/full", self.path("full.ply"))
+        for words in (["render", "in.ply", "-o", "/dev/full"], ["measure", "in.ply", "in.ply", "--error-ply", "full.ply"],
+                      ["topology", "in.ply", "-o", "/dev/full", "--format", "ply", "--max-feature", "1%"],
+                      ["simplify", "in.ply", "-o", "/dev/null", "--format", "ply", "--faces", "99", "--json", "/dev/full"]):
+            text = self.run_limited(*words, code=4)
+            self.assertEqual(text.count("\n"), 1, text)
+            self.assertRegex(text, "full.*No space left on device")
+        self.assertEqual(sorted(os.listdir(self.folder)), ["full.ply", "in.ply"])
 
     def test_a_limit_of_file_size(self):
         """A disk that fills up, as RLIMIT_FSIZE: words, not a signal, and nothing is left."""
