@@ -12,6 +12,7 @@
  */
 #include "collapse.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -41,7 +42,6 @@ void collapse_end(struct collapse **collapse)
     struct context *ctx = c->ctx;
     const size_t vertices = (size_t)c->vertex_count, faces = (size_t)c->face_count;
     memory_release(ctx, &c->records, vertices, c->attributes.stride);
-    memory_release(ctx, &c->flags, vertices, 1);
     memory_release(ctx, &c->keys, vertices, sizeof *c->keys);
     memory_release(ctx, &c->vertices, vertices, sizeof *c->vertices);
     memory_release(ctx, &c->corners, faces, 3 * sizeof *c->corners);
@@ -105,14 +105,17 @@ static float cheapest(const struct vertex_edges *edges, uint32_t *best)
     return least;
 }
 
-/* Looks at all vertices afresh. */
-static void fill_keys(struct collapse *c)
+/* Makes keys anew: of every SAMPLE_STEP-th vertex, for choosing a threshold by; the others are 0,
+ * so that the next sweep looks at them. (Few vertices are all looked at.) */
+static void sample_keys(struct collapse *c)
 {
+    enum { SAMPLE_STEP = 8, FEW = 4096 };
     struct vertex_edges edges;
     uint32_t best;
+    c->key_step = c->vertex_slots > FEW ? SAMPLE_STEP : 1;
     for (uint32_t v = 0; v < c->vertex_slots; v++) {
-        c->keys[v] = INFINITY;
-        if (c->vertices[v].corner == NO_INDEX)
+        c->keys[v] = c->vertices[v].corner == NO_INDEX ? INFINITY : 0;
+        if (v % c->key_step != 0 || c->vertices[v].corner == NO_INDEX)
             continue;
         vertex_evaluate(c, v, &edges);
         c->keys[v] = cheapest(&edges, &best);
@@ -148,7 +151,7 @@ static enum status take_faces(struct collapse *c, const uint32_t *faces)
     enum status status =
         memory_take(c->ctx, (size_t)c->face_count, 3 * sizeof *c->corners, &c->corners);
     for (size_t i = 0; status == STATUS_OK && i < (size_t)c->face_count * 3; i++)
-        c->corners[i].vertex = faces[i];
+        c->corners[i].end = faces[corner_next((uint32_t)i)];
     return status;
 }
 
@@ -157,8 +160,6 @@ static enum status take_vertices(struct collapse *c, const double *doubles, cons
 {
     const size_t count = (size_t)c->vertex_count;
     enum status status = memory_take(c->ctx, count, sizeof *c->vertices, &c->vertices);
-    if (status == STATUS_OK)
-        status = memory_take_zeroed(c->ctx, count, 1, &c->flags);
     if (status != STATUS_OK)
         return status;
     choose_frame(c, doubles, floats);
@@ -173,7 +174,7 @@ static enum status take_vertices(struct collapse *c, const double *doubles, cons
         vertex->error = errors ? (float)((double)errors[v] * c->scale) : 0;
         if ((double)vertex->error > c->largest_error)
             c->largest_error = (double)vertex->error;
-        c->flags[v] = locked && locked[v] ? VERTEX_LOCKED : 0;
+        vertex->flags = locked && locked[v] ? VERTEX_LOCKED : 0;
     }
     return STATUS_OK;
 }
@@ -187,7 +188,7 @@ static enum status make_ready(struct collapse *c)
     if (status != STATUS_OK)
         return status;
     fans_build(c);
-    fill_keys(c);
+    sample_keys(c);
     return STATUS_OK;
 }
 
@@ -296,9 +297,9 @@ static uint32_t choose_kept(const struct collapse *c, const struct edge_change *
 {
     const uint32_t v = change->v, w = change->w;
     const float *to = change->to[0];
-    if (c->flags[v] & VERTEX_LOCKED)
+    if (c->vertices[v].flags & VERTEX_LOCKED)
         return v;
-    if (c->flags[w] & VERTEX_LOCKED)
+    if (c->vertices[w].flags & VERTEX_LOCKED)
         return w;
     if (c->options.subset)
         return to[0] == 0 && to[1] == 0 && to[2] == 0 ? v : w;
@@ -308,7 +309,7 @@ static uint32_t choose_kept(const struct collapse *c, const struct edge_change *
 static void move_vertex(struct collapse *c, const struct edge_change *change, uint32_t kept)
 {
     const uint32_t v = change->v, w = change->w;
-    if (c->options.subset || (c->flags[kept] & VERTEX_LOCKED))
+    if (c->options.subset || (c->vertices[kept].flags & VERTEX_LOCKED))
         return;
     if (c->records) {
         const struct vertex_look *look = change->looks[0];
@@ -377,7 +378,8 @@ static void prepare_change(const struct collapse *c, uint32_t v, const struct ve
     while (other->ring.count && other->ring.vertices[change->place[1]] != v)
         change->place[1]++;
     const bool at_end =
-        c->options.subset || ((c->flags[v] | c->flags[change->w]) & VERTEX_LOCKED) != 0;
+        c->options.subset ||
+        ((c->vertices[v].flags | c->vertices[change->w].flags) & VERTEX_LOCKED) != 0;
     for (int k = 0; k < 3; k++) {
         const float step = edges->places[k][i], place = from[k] + step;
         change->to[0][k] = at_end ? step : place - from[k];
@@ -452,7 +454,8 @@ static float choose_threshold(const struct collapse *c, uint64_t wanted)
     uint32_t counts[BINS] = {0}, bits;
     uint64_t sum = 0;
     float key;
-    for (uint32_t v = 0; v < c->vertex_slots; v++) {
+    wanted /= c->key_step;
+    for (uint64_t v = 0; v < c->vertex_slots; v += c->key_step) {
         memcpy(&bits, &c->keys[v], sizeof bits);
         counts[bits >> BIN_SHIFT]++;
     }
@@ -472,34 +475,60 @@ static float choose_threshold(const struct collapse *c, uint64_t wanted)
     return key;
 }
 
+/* Works on all vertices whose key is not above the threshold, in the order of their numbers. A few
+ * of them are known in advance, so that memory can be asked for what they need. */
+static void sweep(struct collapse *c, float threshold, uint64_t most_faces)
+{
+    enum { AHEAD = 8 };
+    uint32_t queue[AHEAD], next = 0, taken = 0, put = 0;
+    while (c->live_faces > most_faces) {
+        for (; put - taken < AHEAD && next < c->vertex_slots; next++)
+            if (c->keys[next] <= threshold) {
+                queue[put++ % AHEAD] = next;
+                __builtin_prefetch(&c->vertices[next]);
+            }
+        if (put == taken)
+            return;
+        const uint32_t v = queue[taken++ % AHEAD];
+        if (put - taken > AHEAD / 2) {
+            const uint32_t later = c->vertices[queue[(taken + AHEAD / 2) % AHEAD]].corner;
+            if (later != NO_INDEX)
+                __builtin_prefetch(&c->corners[later]);
+        }
+        if (c->keys[v] <= threshold)
+            work_on(c, v, threshold);
+    }
+}
+
 enum status collapse_run(struct collapse *c, uint64_t most_faces, double most_error)
 {
     const double part = pace_of(c)->part;
     most_error *= c->scale;
     if (c->held_back && most_error > c->error_bound) {
         c->held_back = false;
-        fill_keys(c);
+        sample_keys(c);
     }
     c->error_bound = most_error;
     while (c->live_faces > most_faces) {
         const uint64_t left = c->live_faces - most_faces;
         uint64_t wanted = (uint64_t)((double)c->live_faces / 2 * part);
         wanted = wanted < left / 2 ? wanted : left / 2;
-        const float threshold = choose_threshold(c, wanted);
+        float threshold = choose_threshold(c, wanted);
+        if (!(threshold < INFINITY) && c->key_step > 1)
+            threshold = FLT_MIN; /* those that were not looked at may have one */
         if (!(threshold < INFINITY)) {
             if (c->held_back || c->options.keep_guards || c->guard == GUARD_NONE)
                 break;
             c->guard++;
-            fill_keys(c);
+            sample_keys(c);
             continue;
         }
         if (c->error_count > 0)
             c->typical_error = c->error_sum / (double)c->error_count;
         c->error_sum = 0;
         c->error_count = 0;
-        for (uint32_t v = 0; v < c->vertex_slots && c->live_faces > most_faces; v++)
-            if (c->keys[v] <= threshold)
-                work_on(c, v, threshold);
+        sweep(c, threshold, most_faces);
+        c->key_step = 1;
         enum status status = STATUS_OK;
         if (c->live_faces < c->face_slots / 2)
             status = topology_compact(c);
@@ -549,7 +578,7 @@ static enum status number_vertices(const struct collapse *c, uint32_t *faces, ui
         return status;
     memset(numbers, 0xff, slots * sizeof *numbers);
     for (size_t i = 0; i < (size_t)c->face_slots * 3; i++) {
-        const uint32_t v = c->corners[i].vertex;
+        const uint32_t v = corner_vertex(c, (uint32_t)i);
         if (v == NO_INDEX)
             continue;
         if (numbers[v] == NO_INDEX) {

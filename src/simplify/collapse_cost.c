@@ -20,19 +20,46 @@ static inline void position_from(const struct collapse *c, uint32_t v, const flo
         out[k] = (double)p[k] - (double)from[k];
 }
 
-void vertex_look_round(const struct collapse *c, uint32_t v, struct vertex_look *look)
+static inline void look_at(const struct collapse *c, uint32_t w, const float from[3], uint32_t i,
+                           struct vertex_look *look)
+{
+    const struct collapse_vertex *vertex = &c->vertices[w];
+    look->ring.vertices[i] = w;
+    look->flags |= vertex->flags;
+    for (int k = 0; k < 3; k++)
+        look->at[k][i] = vertex->position[k] - from[k];
+}
+
+/* Turns round v. */
+static inline void gather(const struct collapse *c, uint32_t v, struct vertex_look *look)
 {
     const float *from = c->vertices[v].position;
+    const uint32_t first = c->vertices[v].corner;
     struct ring *ring = &look->ring;
-    ring_gather(c, v, ring);
+    uint32_t corner = first, count = 0, last;
+    look->flags = c->vertices[v].flags;
+    do {
+        if (count == RING_MAX) {
+            ring->count = ring->faces = 0;
+            return;
+        }
+        ring->corners[count] = corner;
+        look_at(c, c->corners[corner].end, from, count++, look);
+        last = corner;
+        corner = c->corners[corner].swing;
+    } while (corner != first && corner != NO_INDEX);
+    ring->faces = count;
+    if (corner == NO_INDEX)
+        look_at(c, c->corners[corner_next(last)].end, from, count++, look);
+    ring->count = count;
+}
+
+void vertex_look_round(const struct collapse *c, uint32_t v, struct vertex_look *look)
+{
+    const struct ring *ring = &look->ring;
+    gather(c, v, look);
     if (ring->count == 0)
         return;
-    for (uint32_t i = 0; i < ring->count; i++) {
-        const float *p = c->vertices[ring->vertices[i]].position;
-        look->at[0][i] = p[0] - from[0];
-        look->at[1][i] = p[1] - from[1];
-        look->at[2][i] = p[2] - from[2];
-    }
     /* one more for the last face, then zeros: lanes beyond the last face have normal 0 */
     const bool closed = ring->faces == ring->count;
     for (uint32_t i = ring->count; i < ring->count + EDGE_LANES; i++)
@@ -52,15 +79,15 @@ void vertex_look_round(const struct collapse *c, uint32_t v, struct vertex_look 
 static void add_border_edges(const struct collapse *c, uint32_t v, uint32_t except,
                              const float origin[3], struct border_sum *sum)
 {
-    if (!(c->flags[v] & VERTEX_BORDER))
+    if (!(c->vertices[v].flags & VERTEX_BORDER))
         return;
     double at[3], end[3];
     const uint32_t first = c->vertices[v].corner;
-    const uint32_t out = c->corners[corner_next(first)].vertex;
-    uint32_t last = corner_previous(first);
-    while (c->corners[last].opposite != NO_INDEX)
-        last = corner_previous(c->corners[last].opposite);
-    const uint32_t in = c->corners[last].vertex;
+    const uint32_t out = c->corners[first].end;
+    uint32_t last = first;
+    while (c->corners[last].swing != NO_INDEX)
+        last = c->corners[last].swing;
+    const uint32_t in = c->corners[corner_next(last)].end;
     position_from(c, v, origin, at);
     if (out != except) {
         position_from(c, out, origin, end);
@@ -124,7 +151,8 @@ static void mend_special_lanes(const struct collapse *c, uint32_t v, struct vert
     bool have_ends = c->options.subset;
     for (uint32_t i = first; i < end; i++) {
         const uint32_t w = ring->vertices[i], lane = i - first;
-        const unsigned either = c->flags[v] | c->flags[w], both = c->flags[v] & c->flags[w];
+        const unsigned either = c->vertices[v].flags | c->vertices[w].flags,
+                       both = c->vertices[v].flags & c->vertices[w].flags;
         if ((both & VERTEX_LOCKED) || ((both & VERTEX_BORDER) && i > 0 && i < ring->faces)) {
             lanes->cost[lane] = INFINITY;
             continue;
@@ -146,9 +174,9 @@ static void mend_special_lanes(const struct collapse *c, uint32_t v, struct vert
         if (at_end) {
             const float here = lanes->cost_here[lane], there = lanes->cost_there[lane];
             /* ties by number, so that both ends of the edge choose the same */
-            const bool stay =
-                (c->flags[v] & VERTEX_LOCKED) ||
-                (!(c->flags[w] & VERTEX_LOCKED) && (here < there || (here <= there && v < w)));
+            const bool stay = (c->vertices[v].flags & VERTEX_LOCKED) ||
+                              (!(c->vertices[w].flags & VERTEX_LOCKED) &&
+                               (here < there || (here <= there && v < w)));
             lanes->cost[lane] = stay ? here : there;
             for (int k = 0; k < 3; k++)
                 lanes->at[k][lane] = stay ? 0 : lanes->edge[k][lane];
@@ -175,14 +203,12 @@ void vertex_evaluate(const struct collapse *c, uint32_t v, struct vertex_edges *
 {
     struct edge_lanes lanes;
     vertex_look_round(c, v, &e->look);
-    unsigned char any = c->flags[v];
     e->reach_square = 0;
     for (uint32_t i = 0; i < e->look.ring.count; i++) {
         const float square = e->look.at[0][i] * e->look.at[0][i] +
                              e->look.at[1][i] * e->look.at[1][i] +
                              e->look.at[2][i] * e->look.at[2][i];
         e->reach_square = square > e->reach_square ? square : e->reach_square;
-        any |= c->flags[e->look.ring.vertices[i]];
     }
     for (uint32_t first = 0; first < e->look.ring.count; first += EDGE_LANES) {
         fill_lanes(c, e, first, &lanes);
@@ -190,7 +216,7 @@ void vertex_evaluate(const struct collapse *c, uint32_t v, struct vertex_edges *
             edge_lanes_ends(&c->vertices[v].fan, &lanes);
         else
             edge_lanes_place(c->level, &c->vertices[v].fan, e->reach_square, &lanes);
-        if (any || c->options.subset)
+        if (e->look.flags || c->options.subset)
             mend_special_lanes(c, v, e, first, &lanes);
         for (int k = 0; k < 3; k++)
             memcpy(&e->places[k][first], lanes.at[k], sizeof lanes.at[k]);

@@ -2,16 +2,17 @@
  * The mesh while its edges are collapsed, shared by the collapse_*.c files and nobody else.
  *
  * What is used together lies together, because a look at memory costs more here than a hundred
- * operations: a face's corners and the corners across its edges in 24 bytes, a vertex in 60; with a
- * key and flags a closed mesh takes 56.5 bytes a face.
+ * operations: a face's corners take 24 bytes, a vertex 64, a line of cache; with a key a closed
+ * mesh takes 58 bytes a face.
  *
- * Edge k of face f is named by corner 3f+k, where it starts. Invariants between two collapses:
- *   C1  corners[corners[c].opposite].opposite == c; NO_INDEX at the border; edge c and its opposite
- *       run against each other;
- *   C2  vertices[v].corner is a corner of a live face at v; at a border vertex the one whose
- *       edge is on the border, so that turning counter-clockwise from it meets all of v's faces;
- *   C3  the fan of v is that of its present faces, but for rounding;
- *   C4  a dead face has vertex NO_INDEX in its corners, a dead vertex corner NO_INDEX.
+ * Edge k of face f is named by corner 3f+k, where it starts. Turning round a vertex is what is done
+ * most, so a corner says where its edge leads and which corner comes next at its vertex, and
+ * nothing has to be worked out between two steps. Invariants between two collapses: C1  the corner
+ * across edge c is the swing of corner_next(c), NO_INDEX at the border; it is a corner of another
+ * face, its edge runs against c, and the corner across it is c; C2  vertices[v].corner is a corner
+ * of a live face at v; at a border vertex the one whose edge is on the border, so that turning
+ * counter-clockwise from it meets all of v's faces; C3  the fan of v is that of its present faces,
+ * but for rounding; C4  a dead face's corners have end NO_INDEX, a dead vertex has corner NO_INDEX.
  */
 #ifndef SPBM_SIMPLIFY_COLLAPSE_INTERNAL_H
 #define SPBM_SIMPLIFY_COLLAPSE_INTERNAL_H
@@ -27,8 +28,9 @@ enum { RING_MAX = 96, RING_LANES = RING_MAX + 2 * EDGE_LANES };
 enum vertex_flag { VERTEX_LOCKED = 1, VERTEX_BORDER = 2 };
 
 struct collapse_corner {
-    uint32_t vertex;
-    uint32_t opposite; /* corner of the edge's other side */
+    uint32_t end; /* where its edge leads */
+    uint32_t
+        swing; /* the next corner at the same vertex, counter-clockwise; NO_INDEX: the border */
 };
 
 struct collapse_vertex {
@@ -37,6 +39,7 @@ struct collapse_vertex {
     struct fan fan;
     float error;     /* estimated largest distance to the original nearby, times scale */
     uint32_t source; /* number in the input */
+    uint32_t flags;  /* enum vertex_flag */
 };
 
 /* What a collapse may do to the shape of faces; a later one comes when nothing more is to be had
@@ -64,8 +67,8 @@ struct collapse {
 
     struct collapse_corner *corners;
     struct collapse_vertex *vertices;
-    float *keys; /* cost of the vertex's cheapest edge when last looked at; INFINITY: none */
-    unsigned char *flags;
+    float *keys;       /* cost of the vertex's cheapest edge when last looked at; INFINITY: none */
+    uint32_t key_step; /* only every so many keys are known, the others are 0 */
     struct attributes attributes;
     unsigned char *records;
 };
@@ -89,11 +92,21 @@ static inline uint32_t corner_previous(uint32_t c)
     return c % 3 == 0 ? c + 2 : c - 1;
 }
 
+static inline uint32_t corner_vertex(const struct collapse *collapse, uint32_t c)
+{
+    return collapse->corners[corner_previous(c)].end;
+}
+
+static inline uint32_t corner_opposite(const struct collapse *collapse, uint32_t c)
+{
+    return collapse->corners[corner_next(c)].swing;
+}
+
 /* ---- collapse_topology.c ---- */
 
-/* Finds opposites and vertex corners. STATUS_INTERNAL when the faces are no manifold. */
+/* Finds swings, vertex corners and borders from the ends. STATUS_INTERNAL when the faces are no
+ * manifold. */
 enum status topology_build(struct collapse *collapse) MUST_CHECK;
-void ring_gather(const struct collapse *collapse, uint32_t v, struct ring *ring);
 /* The link condition, with the border and with locked vertices, for the edge from `a` to its i-th
  * neighbour b; both rings are known. */
 bool topology_allows(const struct collapse *collapse, uint32_t a, const struct ring *ring_a,
@@ -109,6 +122,7 @@ enum status topology_compact(struct collapse *collapse) MUST_CHECK;
 /* A vertex, its neighbours relative to it, and the faces between them. */
 struct vertex_look {
     struct ring ring;
+    uint32_t flags;               /* v's and its neighbours', any */
     float at[3][RING_LANES];      /* neighbours; behind the last the first again, or 0 */
     float normals[3][RING_LANES]; /* of face i, between neighbours i and i + 1; 0 beyond the last */
 };

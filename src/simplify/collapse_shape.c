@@ -133,7 +133,7 @@ bool edge_shape_allows(const struct collapse *c, struct edge_change *change, dou
     if (c->level >= CPU_AVX2 ? !turn_both_avx2(c->guard, change, normal, &square)
                              : !turn_both_scalar(c->guard, change, normal, &square))
         return false;
-    if (c->flags[v] & c->flags[w] & VERTEX_BORDER) {
+    if (c->vertices[v].flags & c->vertices[w].flags & VERTEX_BORDER) {
         struct border_sum border;
         const double to[3] = {(double)change->to[0][0], (double)change->to[0][1],
                               (double)change->to[0][2]};
@@ -269,16 +269,16 @@ void fans_build(struct collapse *c)
         memset(&c->vertices[v].fan, 0, sizeof c->vertices[v].fan);
     for (size_t f = 0; f < (size_t)c->face_slots; f++) {
         const struct collapse_corner *corner = c->corners + 3 * f;
-        const float *p = c->vertices[corner[0].vertex].position;
-        const float *q = c->vertices[corner[1].vertex].position;
-        const float *r = c->vertices[corner[2].vertex].position;
+        const float *p = c->vertices[corner[0].end].position;
+        const float *q = c->vertices[corner[1].end].position;
+        const float *r = c->vertices[corner[2].end].position;
         const float ax = q[0] - p[0], ay = q[1] - p[1], az = q[2] - p[2];
         const float bx = r[0] - p[0], by = r[1] - p[1], bz = r[2] - p[2];
         const float x = ay * bz - az * by, y = az * bx - ax * bz, z = ax * by - ay * bx;
         const float part[6] = {x * x, x * y, x * z, y * y, y * z, z * z};
         const float normal[3] = {x, y, z};
         for (int i = 0; i < 3; i++) {
-            struct fan *fan = &c->vertices[corner[i].vertex].fan;
+            struct fan *fan = &c->vertices[corner[i].end].fan;
             for (int k = 0; k < 6; k++)
                 fan->square[k] += part[k];
             for (int k = 0; k < 3; k++)

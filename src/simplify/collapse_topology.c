@@ -2,95 +2,73 @@
  * Connectivity of the mesh whose edges are collapsed: adjacency by corners, the link condition, and
  * the collapse itself.
  *
- * Adjacency needs edges to be matched. A hash map of edges is slow; here the corners are bucketed
- * by the lower vertex of their edge, and within a bucket matched through a table indexed by the
- * higher vertex, so that even a hub costs linear time. The buckets are lists whose links lie where
- * the opposites will be.
+ * Adjacency needs edges to be matched. A hash map of edges is slow; here the corners are listed by
+ * their vertex, in links that lie where the swings will be, and those of one vertex matched through
+ * a table indexed by the other end of their edges, so that even a hub costs linear time.
  */
 #include <string.h>
 
 #include "base/memory.h"
 #include "collapse_internal.h"
 
-static uint32_t edge_end(const struct collapse *c, uint32_t corner)
+/* Lists the corners at each vertex, lowest first: from vertices[v].corner through the swings. */
+static void list_corners(struct collapse *c)
 {
-    return c->corners[corner_next(corner)].vertex;
-}
-
-/* Chains up the corners by the lower vertex of their edge: `heads` by vertex, links in `opposite`.
- */
-static void bucket_corners(struct collapse *c, uint32_t *heads)
-{
-    for (uint64_t v = 0; v < c->vertex_slots; v++)
-        heads[v] = NO_INDEX;
-    for (uint32_t i = (uint32_t)(3 * c->face_slots); i-- > 0;) {
-        const uint32_t a = c->corners[i].vertex, b = edge_end(c, i), low = a < b ? a : b;
-        c->corners[i].opposite = heads[low];
-        heads[low] = i;
-    }
-}
-
-/* Matches the corners of the bucket of `low`. seen[h] is the corner met last with the higher vertex
- * h; one of another bucket tells itself by its lower vertex, so that nothing needs to be reset. */
-static bool match_bucket(struct collapse *c, uint32_t low, uint32_t first, uint32_t *seen)
-{
-    for (uint32_t i = first, next; i != NO_INDEX; i = next) {
-        const uint32_t a = c->corners[i].vertex, b = edge_end(c, i), high = a > b ? a : b;
-        const uint32_t mate = seen[high];
-        next = c->corners[i].opposite;
-        c->corners[i].opposite = NO_INDEX;
-        seen[high] = i;
-        if (mate == NO_INDEX || (c->corners[mate].vertex != low && edge_end(c, mate) != low))
-            continue;
-        if (c->corners[mate].opposite != NO_INDEX || c->corners[mate].vertex != b)
-            return false;
-        c->corners[i].opposite = mate;
-        c->corners[mate].opposite = i;
-    }
-    return true;
-}
-
-static bool match_corners(struct collapse *c, const uint32_t *heads, uint32_t *seen)
-{
-    for (uint64_t v = 0; v < c->vertex_slots; v++)
-        seen[v] = NO_INDEX;
-    for (uint32_t v = 0; v < c->vertex_slots; v++)
-        if (!match_bucket(c, v, heads[v], seen))
-            return false;
-    return true;
-}
-
-/* Fills vertex_corner by C2 and the border flags; false when faces round a vertex are not one fan
- * (their number, counted into `seen`, is not what turning meets). */
-static bool find_vertex_corners(struct collapse *c, uint32_t *seen)
-{
-    const uint32_t corners = (uint32_t)(3 * c->face_count);
-    for (uint64_t v = 0; v < c->vertex_count; v++) {
+    for (uint64_t v = 0; v < c->vertex_count; v++)
         c->vertices[v].corner = NO_INDEX;
-        seen[v] = 0;
+    for (uint32_t i = (uint32_t)(3 * c->face_count); i-- > 0;) {
+        struct collapse_vertex *vertex = &c->vertices[corner_vertex(c, i)];
+        c->corners[i].swing = vertex->corner;
+        vertex->corner = i;
     }
-    for (uint32_t i = 0; i < corners; i++) {
-        const uint32_t v = c->corners[i].vertex;
-        seen[v]++;
-        if (c->corners[i].opposite == NO_INDEX) {
-            c->vertices[v].corner = i;
-            c->flags[v] |= VERTEX_BORDER;
-        } else if (c->vertices[v].corner == NO_INDEX) {
-            c->vertices[v].corner = i;
-        }
-    }
-    for (uint64_t v = 0; v < c->vertex_count; v++) {
-        const uint32_t first = c->vertices[v].corner;
-        uint32_t met = 0;
-        for (uint32_t i = first; i != NO_INDEX;) {
-            met++;
-            i = c->corners[corner_previous(i)].opposite;
-            if (i == first || met > seen[v])
-                break;
-        }
-        if (met != seen[v])
+}
+
+/* Turns the list of v's corners into swings and finds where to begin; false when its faces are no
+ * single fan. seen[u] is the corner met last whose edge leads to u; one of another vertex tells
+ * itself, so that nothing needs to be reset. */
+static bool match_vertex(struct collapse *c, uint32_t v, uint32_t *seen)
+{
+    const uint32_t first = c->vertices[v].corner;
+    uint32_t count = 0, unmatched = 0, start = 0, met = 0;
+    for (uint32_t i = first; i != NO_INDEX; i = c->corners[i].swing) {
+        const uint32_t end = c->corners[i].end, other = seen[end];
+        if (end == v || (other != NO_INDEX && corner_vertex(c, other) == v))
             return false;
+        seen[end] = i;
+        start ^= i;
+        count++;
     }
+    for (uint32_t i = first, next; i != NO_INDEX; i = next) {
+        const uint32_t other = seen[c->corners[corner_next(i)].end];
+        next = c->corners[i].swing;
+        const bool found = other != NO_INDEX && corner_vertex(c, other) == v;
+        c->corners[i].swing = found ? other : NO_INDEX;
+        start ^= found ? other : 0;
+        unmatched += !found;
+    }
+    if (unmatched > 1)
+        return false;
+    /* in an open fan all corners but one are another's swing: that one is left over */
+    if (unmatched == 0)
+        start = first;
+    else
+        c->vertices[v].flags |= VERTEX_BORDER;
+    c->vertices[v].corner = start;
+    for (uint32_t i = start; i != NO_INDEX && met <= count;) {
+        met++;
+        i = c->corners[i].swing;
+        if (i == start)
+            break;
+    }
+    return met == count;
+}
+
+static bool match_corners(struct collapse *c, uint32_t *seen)
+{
+    memset(seen, 0xff, (size_t)c->vertex_count * sizeof *seen);
+    for (uint32_t v = 0; v < c->vertex_count; v++)
+        if (c->vertices[v].corner != NO_INDEX && !match_vertex(c, v, seen))
+            return false;
     return true;
 }
 
@@ -98,43 +76,20 @@ enum status topology_build(struct collapse *c)
 {
     struct context *ctx = c->ctx;
     const size_t vertices = (size_t)c->vertex_count;
-    uint32_t *heads = NULL, *seen = NULL;
-    enum status status = memory_take(ctx, vertices, sizeof *heads, &heads);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, vertices, sizeof *seen, &seen);
-    if (status == STATUS_OK) {
-        bucket_corners(c, heads);
-        if (!match_corners(c, heads, seen) || !find_vertex_corners(c, seen))
-            status = c->options.source
-                         ? fail(ctx, STATUS_BAD_INPUT,
-                                "%s: is damaged: its patches do not join to a manifold mesh",
-                                c->options.source)
-                         : fail(ctx, STATUS_INTERNAL,
-                                "edge collapse was given a mesh that is not manifold");
-    }
+    uint32_t *seen = NULL;
+    enum status status = memory_take(ctx, vertices, sizeof *seen, &seen);
+    if (status != STATUS_OK)
+        return status;
+    list_corners(c);
+    if (!match_corners(c, seen))
+        status =
+            c->options.source
+                ? fail(ctx, STATUS_BAD_INPUT,
+                       "%s: is damaged: its patches do not join to a manifold mesh",
+                       c->options.source)
+                : fail(ctx, STATUS_INTERNAL, "edge collapse was given a mesh that is not manifold");
     memory_release(ctx, &seen, vertices, sizeof *seen);
-    memory_release(ctx, &heads, vertices, sizeof *heads);
     return status;
-}
-
-void ring_gather(const struct collapse *c, uint32_t v, struct ring *ring)
-{
-    const uint32_t first = c->vertices[v].corner;
-    uint32_t corner = first, count = 0, last;
-    do {
-        if (count == RING_MAX) {
-            ring->count = ring->faces = 0;
-            return;
-        }
-        ring->corners[count] = corner;
-        ring->vertices[count++] = c->corners[corner_next(corner)].vertex;
-        last = corner_previous(corner);
-        corner = c->corners[last].opposite;
-    } while (corner != first && corner != NO_INDEX);
-    ring->faces = count;
-    if (corner == NO_INDEX)
-        ring->vertices[count++] = c->corners[last].vertex;
-    ring->count = count;
 }
 
 /* The half-edge along edge i of a ring, the one that has a face at its left seen from the ring's
@@ -146,7 +101,7 @@ static uint32_t ring_edge(const struct ring *ring, uint32_t i)
 
 static uint32_t third_vertex(const struct collapse *c, uint32_t corner)
 {
-    return c->corners[corner_previous(corner)].vertex;
+    return corner_vertex(c, corner_previous(corner));
 }
 
 /* Whether the face of half-edge h may go: its two other edges must not both be on the border (it is
@@ -154,8 +109,7 @@ static uint32_t third_vertex(const struct collapse *c, uint32_t corner)
  * one face twice). */
 static bool face_may_go(const struct collapse *c, uint32_t h)
 {
-    const uint32_t one = c->corners[corner_next(h)].opposite,
-                   two = c->corners[corner_previous(h)].opposite;
+    const uint32_t one = corner_opposite(c, corner_next(h)), two = c->corners[h].swing;
     if (one == NO_INDEX || two == NO_INDEX)
         return one != two;
     return third_vertex(c, one) != third_vertex(c, two);
@@ -167,13 +121,13 @@ static bool locks_allow(const struct collapse *c, uint32_t kept, const struct ri
     const uint32_t edges = ring->faces;
     for (uint32_t i = 0; i < ring->count; i++) {
         const uint32_t r = ring->vertices[i];
-        if (!(c->flags[r] & VERTEX_LOCKED) || r == kept)
+        if (!(c->vertices[r].flags & VERTEX_LOCKED) || r == kept)
             continue;
         if (r != apexes[0] && r != apexes[1])
             return false; /* a new edge between locked vertices */
         if (i < edges) {
             const uint32_t s = ring->vertices[i + 1 == ring->count ? 0 : i + 1];
-            if (s != kept && (c->flags[s] & VERTEX_LOCKED))
+            if (s != kept && (c->vertices[s].flags & VERTEX_LOCKED))
                 return false; /* a new face of three of them */
         }
     }
@@ -184,10 +138,10 @@ bool topology_allows(const struct collapse *c, uint32_t a, const struct ring *ri
                      const struct ring *ring_b)
 {
     const uint32_t b = ring_a->vertices[i];
-    const uint32_t half = ring_edge(ring_a, i), other = c->corners[half].opposite;
+    const uint32_t half = ring_edge(ring_a, i), other = corner_opposite(c, half);
     if (ring_b->count == 0 || ring_a->count + ring_b->count > RING_MAX)
         return false;
-    const bool both_border = (c->flags[a] & c->flags[b] & VERTEX_BORDER) != 0;
+    const bool both_border = (c->vertices[a].flags & c->vertices[b].flags & VERTEX_BORDER) != 0;
     if (both_border && other != NO_INDEX)
         return false;
     if (!face_may_go(c, half) || (other != NO_INDEX && !face_may_go(c, other)))
@@ -202,9 +156,9 @@ bool topology_allows(const struct collapse *c, uint32_t a, const struct ring *ri
             if (ring_b->vertices[k] == r)
                 return false;
     }
-    if (c->flags[a] & VERTEX_LOCKED)
-        return !(c->flags[b] & VERTEX_LOCKED) && locks_allow(c, a, ring_b, apexes);
-    if (c->flags[b] & VERTEX_LOCKED)
+    if (c->vertices[a].flags & VERTEX_LOCKED)
+        return !(c->vertices[b].flags & VERTEX_LOCKED) && locks_allow(c, a, ring_b, apexes);
+    if (c->vertices[b].flags & VERTEX_LOCKED)
         return locks_allow(c, b, ring_a, apexes);
     return true;
 }
@@ -213,16 +167,16 @@ bool topology_allows(const struct collapse *c, uint32_t a, const struct ring *ri
 static void remove_face(struct collapse *c, uint32_t h)
 {
     const uint32_t next = corner_next(h), previous = corner_previous(h);
-    const uint32_t one = c->corners[next].opposite, two = c->corners[previous].opposite;
-    const uint32_t apex = c->corners[previous].vertex;
+    const uint32_t one = corner_opposite(c, next), two = corner_opposite(c, previous);
+    const uint32_t apex = corner_vertex(c, previous);
     if (one != NO_INDEX)
-        c->corners[one].opposite = two;
+        c->corners[corner_next(one)].swing = two;
     if (two != NO_INDEX)
-        c->corners[two].opposite = one;
+        c->corners[corner_next(two)].swing = one;
     if (c->vertices[apex].corner == previous)
         c->vertices[apex].corner = one != NO_INDEX ? one : corner_next(two);
     for (int k = 0; k < 3; k++)
-        c->corners[h - h % 3 + (uint32_t)k].vertex = NO_INDEX;
+        c->corners[h - h % 3 + (uint32_t)k].end = NO_INDEX;
 }
 
 unsigned topology_collapse(struct collapse *c, uint32_t a, const struct ring *ring_a, uint32_t i,
@@ -230,23 +184,22 @@ unsigned topology_collapse(struct collapse *c, uint32_t a, const struct ring *ri
 {
     const uint32_t b = ring_a->vertices[i], kept = gone == a ? b : a;
     const struct ring *ring = gone == a ? ring_a : ring_b;
-    const uint32_t half = ring_edge(ring_a, i), other = c->corners[half].opposite;
-    const uint32_t outer[2] = {c->corners[corner_next(half)].opposite,
-                               c->corners[corner_previous(half)].opposite};
+    const uint32_t half = ring_edge(ring_a, i), other = corner_opposite(c, half);
+    const uint32_t outer[2] = {corner_opposite(c, corner_next(half)), c->corners[half].swing};
     for (uint32_t k = 0; k < ring->faces; k++)
-        c->corners[ring->corners[k]].vertex = kept;
+        c->corners[corner_previous(ring->corners[k])].end = kept;
     remove_face(c, half);
     if (other != NO_INDEX)
         remove_face(c, other);
     c->vertices[gone].corner = NO_INDEX;
-    c->flags[kept] |= c->flags[gone] & VERTEX_BORDER;
+    c->vertices[kept].flags |= c->vertices[gone].flags & VERTEX_BORDER;
 
     /* any corner at the kept vertex, then clockwise to the border if there is one */
     uint32_t corner = outer[1] != NO_INDEX ? outer[1] : corner_next(outer[0]);
     const uint32_t start = corner;
-    if (c->flags[kept] & VERTEX_BORDER)
-        while (c->corners[corner].opposite != NO_INDEX) {
-            corner = corner_next(c->corners[corner].opposite);
+    if (c->vertices[kept].flags & VERTEX_BORDER)
+        for (uint32_t across; (across = corner_opposite(c, corner)) != NO_INDEX;) {
+            corner = corner_next(across);
             if (corner == start)
                 break;
         }
@@ -315,7 +268,6 @@ static void move_vertices(struct collapse *c, const struct ranks *vertices,
         c->vertices[to] = c->vertices[v];
         c->vertices[to].corner = renumber_corner(faces, c->vertices[v].corner);
         c->keys[to] = c->keys[v];
-        c->flags[to] = c->flags[v];
         if (c->records && to != v)
             memcpy(c->records + to * stride, c->records + v * stride, stride);
     }
@@ -329,8 +281,8 @@ static void move_faces(struct collapse *c, const struct ranks *vertices, const s
         const struct collapse_corner *from = c->corners + 3 * (size_t)f;
         struct collapse_corner *to = c->corners + 3 * (size_t)rank_of(faces, f);
         for (int k = 0; k < 3; k++) {
-            to[k].vertex = rank_of(vertices, from[k].vertex);
-            to[k].opposite = renumber_corner(faces, from[k].opposite);
+            to[k].end = rank_of(vertices, from[k].end);
+            to[k].swing = renumber_corner(faces, from[k].swing);
         }
     }
 }
@@ -346,7 +298,7 @@ enum status topology_compact(struct collapse *c)
     for (uint32_t v = 0; v < c->vertex_slots; v++)
         vertices.live[v >> 6] |= (uint64_t)(c->vertices[v].corner != NO_INDEX) << (v & 63);
     for (uint32_t f = 0; f < c->face_slots; f++)
-        faces.live[f >> 6] |= (uint64_t)(c->corners[3 * (size_t)f].vertex != NO_INDEX) << (f & 63);
+        faces.live[f >> 6] |= (uint64_t)(c->corners[3 * (size_t)f].end != NO_INDEX) << (f & 63);
     const uint32_t vertex_slots = ranks_sum(&vertices), face_slots = ranks_sum(&faces);
     move_vertices(c, &vertices, &faces);
     move_faces(c, &vertices, &faces);
