@@ -475,26 +475,50 @@ static float choose_threshold(const struct collapse *c, uint64_t wanted)
     return key;
 }
 
-/* Works on all vertices whose key is not above the threshold, in the order of their numbers. A few
- * of them are known in advance, so that memory can be asked for what they need. */
+/* A vertex that is soon to be worked on, and how far its ring has been asked for. */
+struct expected {
+    uint32_t vertex, corner;
+};
+
+/* One step of asking for a ring: the memory that this step reads was asked for by the one before.
+ */
+static inline void ask_for_ring(const struct collapse *c, struct expected *e)
+{
+    if (e->corner == NO_INDEX)
+        return;
+    const struct collapse_corner corner = c->corners[e->corner];
+    if (corner.end != NO_INDEX)
+        __builtin_prefetch(&c->vertices[corner.end]);
+    if (corner.swing != NO_INDEX)
+        __builtin_prefetch(&c->corners[corner.swing]);
+    e->corner = corner.swing;
+}
+
+/*
+ * Works on all vertices whose key is not above the threshold, in the order of their numbers. Most
+ * of the time would go by waiting for memory, step by step round each vertex; so the next vertices
+ * are found in advance, and before each is worked on the rings of those behind it are followed by
+ * one step each.
+ */
 static void sweep(struct collapse *c, float threshold, uint64_t most_faces)
 {
     enum { AHEAD = 8 };
-    uint32_t queue[AHEAD], next = 0, taken = 0, put = 0;
+    struct expected queue[AHEAD];
+    uint32_t next = 0, taken = 0, put = 0;
     while (c->live_faces > most_faces) {
+        for (uint32_t i = taken; i != put; i++)
+            ask_for_ring(c, &queue[i % AHEAD]);
         for (; put - taken < AHEAD && next < c->vertex_slots; next++)
             if (c->keys[next] <= threshold) {
-                queue[put++ % AHEAD] = next;
-                __builtin_prefetch(&c->vertices[next]);
+                const uint32_t corner = c->vertices[next].corner;
+                if (corner == NO_INDEX)
+                    continue;
+                queue[put++ % AHEAD] = (struct expected){next, corner};
+                __builtin_prefetch(&c->corners[corner]);
             }
         if (put == taken)
             return;
-        const uint32_t v = queue[taken++ % AHEAD];
-        if (put - taken > AHEAD / 2) {
-            const uint32_t later = c->vertices[queue[(taken + AHEAD / 2) % AHEAD]].corner;
-            if (later != NO_INDEX)
-                __builtin_prefetch(&c->corners[later]);
-        }
+        const uint32_t v = queue[taken++ % AHEAD].vertex;
         if (c->keys[v] <= threshold)
             work_on(c, v, threshold);
     }
