@@ -115,14 +115,15 @@ static enum status reserve(struct trace *trace)
     return status;
 }
 
-/* Makes room for whatever a patch can add: rarely more than a few comparisons. */
+/* Makes room for whatever a patch can add: rarely more than a few comparisons. (junction_code
+ * writes one junction more than there are.) */
 static enum status reserve_patch(struct trace *trace, const struct grown_patch *patch)
 {
     struct context *ctx = trace->ctx;
     struct trace_workspace *scratch = trace->scratch;
     const size_t edges = patch->edge_count, inner = 3 * (size_t)patch->face_count;
     if (trace->chain_count + edges <= scratch->chain_capacity &&
-        trace->junction_count + edges <= scratch->junction_capacity &&
+        trace->junction_count + edges < scratch->junction_capacity &&
         trace->interior_count + edges <= scratch->interior_capacity &&
         trace->seam_edge_count + edges <= scratch->seam_edge_capacity &&
         trace->diagonal_count + inner <= scratch->diagonal_capacity &&
@@ -133,7 +134,7 @@ static enum status reserve_patch(struct trace *trace, const struct grown_patch *
                                         trace->chain_count + edges, sizeof *scratch->chains);
     if (!status)
         status = memory_reserve(ctx, &scratch->junctions, &scratch->junction_capacity,
-                                trace->junction_count + edges, sizeof *scratch->junctions);
+                                trace->junction_count + edges + 1, sizeof *scratch->junctions);
     if (!status)
         status = memory_reserve(ctx, &scratch->interiors, &scratch->interior_capacity,
                                 trace->interior_count + edges, sizeof *scratch->interiors);
