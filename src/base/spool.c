@@ -104,6 +104,8 @@ static enum status map_file(struct spool *spool)
         map = mmap(NULL, (size_t)spool->size, PROT_READ | PROT_WRITE, MAP_SHARED, spool->fd, 0);
     if (map == MAP_FAILED)
         return fail_errno(spool->ctx, errno, "cannot map %s", spool_name);
+    /* A look at one byte shall not make 2 MiB of the file resident. */
+    (void)madvise(map, (size_t)spool->size, MADV_NOHUGEPAGE);
     spool->map = map;
     return STATUS_OK;
 }

@@ -11,7 +11,6 @@
 #include "inspect/original.h"
 
 #include <string.h>
-#include <sys/mman.h>
 
 #include "base/memory.h"
 #include "geom/vec.h"
@@ -28,6 +27,7 @@ enum {
 struct original {
     struct context *ctx;
     struct store *store; /* or NULL, and then: */
+    struct room room;
     struct ingest ingest;
     struct spool merged_spool;
     struct spool referenced_spool;
@@ -37,23 +37,14 @@ struct original {
 
 /* ---- opening ---- */
 
-static void drop_pages(struct spool *spool)
-{
-    /* Shared maps of files lose nothing by this; memory would. */
-    if (spool->map && spool->size > 0)
-        (void)madvise(spool->map, spool->size, MADV_DONTNEED);
-}
-
 static void rest(void *user)
 {
     struct original *original = user;
     const struct ingest *ingest = &original->ingest;
-    if (ingest->float_spool.size + ingest->double_spool.size + ingest->face_spool.size <=
-        MAPPED_MEMORY)
+    if (ingest->position_spool.size + ingest->face_spool.size <= MAPPED_MEMORY)
         return;
-    drop_pages(&original->ingest.float_spool);
-    drop_pages(&original->ingest.double_spool);
-    drop_pages(&original->ingest.face_spool);
+    spool_forget_all(&ingest->position_spool);
+    spool_forget_all(&ingest->face_spool);
 }
 
 static enum status read_file(struct original *original, const char *path)
@@ -76,8 +67,7 @@ static enum status weld_soup(struct original *original, uint64_t *welded)
 {
     struct ingest *ingest = &original->ingest;
     uint32_t *merged = NULL;
-    enum status status =
-        weld_find(ingest, false, WELD_MEMORY, &original->merged_spool, &merged, welded);
+    enum status status = weld_find(ingest, false, &original->merged_spool, &merged, welded);
     if (status != STATUS_OK || !merged)
         return status;
     for (uint64_t i = 0; i < 3 * ingest->face_count; i++)
@@ -102,9 +92,9 @@ static enum status look_at_file(struct original *original, const char *path, con
     original->referenced = data;
     struct quality_input input = {.vertex_count = ingest->vertex_count,
                                   .face_count = ingest->face_count,
-                                  .double_first = ingest->double_first,
-                                  .floats = ingest->floats,
-                                  .doubles = ingest->doubles,
+                                  .double_first = ingest->is_float32 ? UINT64_MAX : 0,
+                                  .floats = ingest->positions,
+                                  .doubles = ingest->positions,
                                   .faces = ingest->faces,
                                   .beside = beside,
                                   .referenced = original->referenced,
@@ -187,7 +177,8 @@ enum status original_open(struct context *ctx, const char *path, const char *bes
     if (status != STATUS_OK)
         return status;
     original->ctx = ctx;
-    ingest_init(ctx, &original->ingest, beside, SPOOL_MEMORY);
+    room_set(ctx, &original->room, beside, 6 * SPOOL_MEMORY, WELD_MEMORY);
+    ingest_init(ctx, &original->ingest, &original->room);
     spool_init(ctx, &original->merged_spool, beside, SPOOL_MEMORY);
     spool_init(ctx, &original->referenced_spool, beside, SPOOL_MEMORY);
 

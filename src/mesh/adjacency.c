@@ -10,7 +10,8 @@
  *
  * An edge can have faces in several slabs only if both its ends are shared between slabs. All sides
  * of such edges, some per cent of all, are sorted by their ends, and what stands together is
- * matched. Edges of more than two faces are opened on all sides, for separate.c.
+ * matched. Where neighbours are not in memory, what was matched is sorted once more, by face, and
+ * entered in one sweep. Edges of more than two faces are opened on all sides, for separate.c.
  */
 #include "mesh/adjacency.h"
 
@@ -23,8 +24,15 @@
 #define CROWDED (UINT32_MAX - 1) /* in neighbours[] of a slab in work: more than two faces */
 
 enum {
-    STEP_LIMIT = 64,  /* list steps an edge before a slab is matched by degree */
-    FORGET_SIDES = 64 /* of the join: they lie anywhere */
+    STEP_LIMIT = 64, /* list steps an edge before a slab is matched by degree */
+    ALL_SHARED = 4 /* with the edge, in a record of the join: all corners of the face are shared */
+};
+
+/* What the join found for an edge, when it can't be entered at once. */
+struct entry {
+    uint64_t key; /* face << 2 | edge */
+    uint32_t over;
+    uint32_t mate;
 };
 
 struct filed_edge {
@@ -61,7 +69,8 @@ struct build {
     struct found *found;
     unsigned in_flight;
     struct sorter *joint;
-    struct spool twin_spool;
+    struct sorter *entries; /* NULL: neighbours are in memory */
+    struct sorter *twins;   /* faces to be looked at once all is joined, as 8-byte keys */
 };
 
 /* ---- a slab ---- */
@@ -208,6 +217,7 @@ static enum status collect(const struct build *build, const struct slab_edges *s
             if (shared >> k & shared >> next3(k) & 1) {
                 if (over[k] == NO_INDEX)
                     found->crossing++;
+                record.edge |= shared == 7 ? ALL_SHARED : 0;
                 status = append_edge(draft->ctx, &found->joint, &found->joint_count,
                                      &found->joint_capacity, record);
             } else if (over[k] == CROWDED) {
@@ -255,6 +265,12 @@ static enum status match_slab(void *user, uint64_t job, unsigned worker)
     return status;
 }
 
+static enum status add_twin(struct build *build, uint32_t face)
+{
+    const uint64_t key = face;
+    return sorter_add(build->twins, &key, 1);
+}
+
 static enum status finish_slab(void *user, uint64_t job)
 {
     struct build *build = user;
@@ -269,9 +285,8 @@ static enum status finish_slab(void *user, uint64_t job)
     if (status == STATUS_OK)
         status =
             spool_append(&result->cut_spool, found->cut, found->cut_count * sizeof *found->cut);
-    if (status == STATUS_OK)
-        status = spool_append(&build->twin_spool, found->twins,
-                              found->twin_count * sizeof *found->twins);
+    for (size_t i = 0; i < found->twin_count && status == STATUS_OK; i++)
+        status = add_twin(build, found->twins[i]);
     draft_forget_slab(build->draft, job);
     if (status == STATUS_OK)
         status = step(build->draft->ctx, "import: adjacency", job, build->draft->slab_count);
@@ -286,30 +301,41 @@ struct edge_group { /* the sides of one edge, as they come out of the sort */
     uint64_t count;
 };
 
+/* Edge k of f has edge m of g over it (NO_INDEX: nothing); the other way round is another call. */
+static enum status enter(struct build *build, uint32_t f, unsigned k, uint32_t g, unsigned m)
+{
+    struct draft *draft = build->draft;
+    if (build->entries) {
+        const struct entry entry = {code_of(f, k), g, m};
+        return sorter_add(build->entries, &entry, 1);
+    }
+    draft->neighbours[3 * (size_t)f + k] = g;
+    mate_set(draft->mates, f, k, m);
+    return STATUS_OK;
+}
+
 static enum status end_group(struct build *build, const struct edge_group *group)
 {
     if (group->count != 2)
         return STATUS_OK;
     const struct edge_record *a = &group->first, *b = &group->second;
-    faces_link(build->draft, a->face, a->edge, b->face, b->edge);
+    enum status status = enter(build, a->face, a->edge & 3, b->face, b->edge & 3);
+    if (status == STATUS_OK)
+        status = enter(build, b->face, b->edge & 3, a->face, a->edge & 3);
     unsigned shift = build->draft->slab_shift;
-    if (a->face >> shift == b->face >> shift)
-        return STATUS_OK;
+    if (status != STATUS_OK || a->face >> shift == b->face >> shift)
+        return status;
     /* A twin in another slab shows only once all its edges are joined: to be looked at then. */
-    uint32_t later = a->face > b->face ? a->face : b->face;
-    const uint32_t *face = build->draft->faces + 3 * (size_t)later;
-    for (int k = 0; k < 3; k++) {
-        if (!is_shared(build->draft, face[k]))
-            return STATUS_OK;
-    }
-    return spool_append(&build->twin_spool, &later, sizeof later);
+    const struct edge_record *later = a->face > b->face ? a : b;
+    return later->edge & ALL_SHARED ? add_twin(build, later->face) : STATUS_OK;
 }
 
 static enum status open_side(struct build *build, const struct edge_record *side)
 {
-    build->draft->neighbours[3 * (size_t)side->face + side->edge] = NO_INDEX;
-    mate_set(build->draft->mates, side->face, side->edge, 0);
-    return spool_append(&build->result->cut_spool, side, sizeof *side);
+    struct edge_record cut = *side;
+    cut.edge &= 3;
+    enum status status = enter(build, cut.face, cut.edge, NO_INDEX, 0);
+    return status == STATUS_OK ? spool_append(&build->result->cut_spool, &cut, sizeof cut) : status;
 }
 
 static enum status add_to_group(struct build *build, struct edge_group *group,
@@ -337,18 +363,42 @@ static enum status add_to_group(struct build *build, struct edge_group *group,
     return status;
 }
 
-static void forget_all(const struct draft *draft)
+/* What was found, face by face. */
+static enum status enter_all(struct build *build)
 {
-    spool_forget_all(&draft->face_spool);
-    spool_forget_all(&draft->neighbour_spool);
-    spool_forget_all(&draft->mate_spool);
+    struct draft *draft = build->draft;
+    uint64_t last_slab = 0;
+    enum status status = sorter_finish(build->entries);
+    while (status == STATUS_OK) {
+        const void *data;
+        size_t count;
+        status = sorter_next(build->entries, &data, &count);
+        if (status != STATUS_OK || count == 0)
+            break;
+        const struct entry *entries = data;
+        for (size_t i = 0; i < count; i++) {
+            const uint64_t face = entries[i].key >> 2;
+            const unsigned edge = entries[i].key & 3;
+            if (face >> draft->slab_shift != last_slab)
+                draft_forget_slab(draft, last_slab);
+            last_slab = face >> draft->slab_shift;
+            draft->neighbours[3 * face + edge] = entries[i].over;
+            mate_set(draft->mates, face, edge, entries[i].mate);
+        }
+    }
+    draft_forget_slab(draft, last_slab);
+    sorter_close(&build->entries);
+    return status;
 }
 
 static enum status join_slabs(struct build *build)
 {
+    struct draft *draft = build->draft;
     enum status status = sorter_finish(build->joint);
+    if (status == STATUS_OK && draft->neighbour_spool.map)
+        status = sorter_open(draft->ctx, sizeof(struct entry), 8, room_left(&draft->room) / 2,
+                             draft->room.beside, &build->entries);
     struct edge_group group = {.count = 0};
-    uint64_t done = 0;
     while (status == STATUS_OK) {
         const void *data;
         size_t count;
@@ -356,51 +406,53 @@ static enum status join_slabs(struct build *build)
         if (status != STATUS_OK || count == 0)
             break;
         const struct edge_record *sides = data;
-        for (size_t i = 0; i < count && status == STATUS_OK; i++) {
+        for (size_t i = 0; i < count && status == STATUS_OK; i++)
             status = add_to_group(build, &group, &sides[i]);
-            if (++done % FORGET_SIDES == 0)
-                forget_all(build->draft);
-        }
     }
-    forget_all(build->draft);
     if (status == STATUS_OK)
         status = end_group(build, &group);
-    return status;
+    sorter_close(&build->joint);
+    return status == STATUS_OK && build->entries ? enter_all(build) : status;
 }
 
 /* ---- duplicate faces ---- */
 
 static enum status mark_duplicate(struct build *build, uint32_t face)
 {
+    struct draft *draft = build->draft;
     struct adjacency *result = build->result;
-    if (!result->duplicates) {
-        enum status status = draft_scratch(build->draft, &result->duplicate_spool,
-                                           build->draft->face_count / 8 + 1, &result->duplicates);
-        if (status != STATUS_OK)
-            return status;
-    }
-    unsigned char bit = (unsigned char)(1u << (face & 7));
-    if (!(result->duplicates[face >> 3] & bit))
-        result->duplicate_count++;
-    result->duplicates[face >> 3] |= bit;
-    return STATUS_OK;
+    const uint64_t key = face;
+    enum status status = STATUS_OK;
+    if (!result->duplicates)
+        status = sorter_open(draft->ctx, 8, 8, room_left(&draft->room) / 8, draft->room.beside,
+                             &result->duplicates);
+    result->has_duplicates = true;
+    return status == STATUS_OK ? sorter_add(result->duplicates, &key, 1) : status;
 }
 
 /* Twins: two faces whose three edges have no other faces. */
 static enum status mark_twins(struct build *build)
 {
-    uint64_t count = build->twin_spool.size / sizeof(uint32_t);
-    void *data;
-    enum status status = spool_seal(&build->twin_spool, &data);
-    const uint32_t *twins = data;
-    for (uint64_t i = 0; i < count && status == STATUS_OK; i++) {
-        const uint32_t *over = build->draft->neighbours + 3 * (size_t)twins[i];
-        if (over[0] == over[1] && over[1] == over[2] && over[0] != NO_INDEX)
-            status = mark_duplicate(build, twins[i]);
-        if (i % FORGET_SIDES == 0)
-            forget_all(build->draft);
+    struct draft *draft = build->draft;
+    uint64_t last_slab = 0;
+    enum status status = sorter_finish(build->twins);
+    while (status == STATUS_OK) {
+        const void *data;
+        size_t count;
+        status = sorter_next(build->twins, &data, &count);
+        if (status != STATUS_OK || count == 0)
+            break;
+        const uint64_t *twins = data;
+        for (size_t i = 0; i < count && status == STATUS_OK; i++) {
+            const uint32_t *over = draft->neighbours + 3 * twins[i];
+            if (over[0] == over[1] && over[1] == over[2] && over[0] != NO_INDEX)
+                status = mark_duplicate(build, (uint32_t)twins[i]);
+            if (twins[i] >> draft->slab_shift != last_slab)
+                draft_forget_slab(draft, last_slab);
+            last_slab = twins[i] >> draft->slab_shift;
+        }
     }
-    forget_all(build->draft);
+    draft_forget_slab(draft, last_slab);
     return status;
 }
 
@@ -424,15 +476,25 @@ static struct triple_record make_triple(const uint32_t *face, uint32_t number)
 /* All other duplicates have an edge of more than two faces. A face comes up to three times. */
 static enum status sort_triples(struct build *build, struct sorter *sorter)
 {
+    struct draft *draft = build->draft;
     void *data;
+    struct visits visits = {0};
     enum status status = spool_seal(&build->result->cut_spool, &data);
     const struct edge_record *cut = data;
     build->result->cut_count = build->result->cut_spool.size / sizeof *cut;
+    if (status == STATUS_OK)
+        status =
+            visits_begin(&draft->room, &visits, &draft->face_spool, room_left(&draft->room) / 4);
     for (uint64_t i = 0; i < build->result->cut_count && status == STATUS_OK; i++) {
+        visit(&visits, cut[i].face * 12ull);
         struct triple_record triple =
-            make_triple(build->draft->faces + 3 * (size_t)cut[i].face, cut[i].face);
+            make_triple(draft->faces + 3 * (size_t)cut[i].face, cut[i].face);
         status = sorter_add(sorter, &triple, 1);
+        if (i % FORGET_EVERY == 0)
+            spool_forget_all(&build->result->cut_spool);
     }
+    spool_forget_all(&build->result->cut_spool);
+    visits_end(&visits);
     if (status == STATUS_OK)
         status = sorter_finish(sorter);
     return status;
@@ -472,9 +534,14 @@ static enum status count_cut_edges(struct build *build)
     const struct edge_record *cut = data;
     struct sorter *sorter = NULL;
     if (status == STATUS_OK)
-        status = sorter_open(draft->ctx, 8, 8, draft->sorter_limit, draft->beside, &sorter);
-    for (uint64_t i = 0; i < result->cut_count && status == STATUS_OK; i++)
+        status =
+            sorter_open(draft->ctx, 8, 8, room_left(&draft->room) / 4, draft->room.beside, &sorter);
+    for (uint64_t i = 0; i < result->cut_count && status == STATUS_OK; i++) {
         status = sorter_add(sorter, &cut[i].key, 1);
+        if (i % FORGET_EVERY == 0)
+            spool_forget_all(&result->cut_spool);
+    }
+    spool_forget_all(&result->cut_spool);
     if (status == STATUS_OK)
         status = count_distinct(sorter, &result->cut_edges);
     sorter_close(&sorter);
@@ -486,7 +553,7 @@ static enum status find_duplicates(struct build *build)
     struct draft *draft = build->draft;
     struct sorter *sorter = NULL;
     enum status status = sorter_open(draft->ctx, sizeof(struct triple_record), 16,
-                                     draft->sorter_limit, draft->beside, &sorter);
+                                     room_left(&draft->room) / 4, draft->room.beside, &sorter);
     if (status == STATUS_OK)
         status = sort_triples(build, sorter);
     if (status == STATUS_OK)
@@ -494,6 +561,8 @@ static enum status find_duplicates(struct build *build)
     if (status == STATUS_OK)
         status = mark_twins(build);
     sorter_close(&sorter);
+    if (status == STATUS_OK && build->result->has_duplicates)
+        status = sorter_finish(build->result->duplicates);
     if (status == STATUS_OK)
         status = count_cut_edges(build);
     return status;
@@ -507,18 +576,19 @@ static enum status prepare(struct build *build)
     struct context *ctx = draft->ctx;
     spool_clear(&draft->neighbour_spool);
     spool_clear(&draft->mate_spool);
-    enum status status =
-        draft_scratch(draft, &draft->neighbour_spool, draft->face_count * 3 * sizeof(uint32_t),
-                      &draft->neighbours);
+    enum status status = room_scratch(&draft->room, &draft->neighbour_spool,
+                                      draft->face_count * 3 * sizeof(uint32_t), &draft->neighbours);
     if (status == STATUS_OK)
-        status = draft_scratch(draft, &draft->mate_spool, draft->face_count, &draft->mates);
+        status = room_scratch(&draft->room, &draft->mate_spool, draft->face_count, &draft->mates);
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, ctx->threads, sizeof *build->matchers, &build->matchers);
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, build->in_flight, sizeof *build->found, &build->found);
     if (status == STATUS_OK)
-        status = sorter_open(ctx, sizeof(struct edge_record), 8, draft->sorter_limit, draft->beside,
-                             &build->joint);
+        status = sorter_open(ctx, sizeof(struct edge_record), 8, draft->room.sorter,
+                             draft->room.beside, &build->joint);
+    if (status == STATUS_OK)
+        status = sorter_open(ctx, 8, 8, draft->room.sorter / 2, draft->room.beside, &build->twins);
     return status;
 }
 
@@ -541,7 +611,8 @@ static void release(struct build *build)
     }
     memory_release(ctx, &build->found, build->in_flight, sizeof *build->found);
     sorter_close(&build->joint);
-    spool_clear(&build->twin_spool);
+    sorter_close(&build->entries);
+    sorter_close(&build->twins);
 }
 
 enum status adjacency_build(struct draft *draft, uint64_t crossing_limit,
@@ -552,9 +623,9 @@ enum status adjacency_build(struct draft *draft, uint64_t crossing_limit,
     struct build build = {.draft = draft,
                           .result = adjacency,
                           .crossing_limit = crossing_limit,
-                          .in_flight = 2 * draft->ctx->threads};
-    spool_init(draft->ctx, &adjacency->cut_spool, draft->beside, draft->spool_limit);
-    spool_init(draft->ctx, &build.twin_spool, draft->beside, draft->spool_limit);
+                          .in_flight = draft->room.in_flight};
+    spool_init(draft->ctx, &adjacency->cut_spool, draft->room.beside,
+               room_spool_limit(&draft->room, 4));
     enum status status = prepare(&build);
     if (status == STATUS_OK)
         status = parallel_ordered(draft->ctx, draft->slab_count, build.in_flight, match_slab,
@@ -578,6 +649,6 @@ void adjacency_clear(struct adjacency *adjacency)
     if (!adjacency->ctx)
         return;
     spool_clear(&adjacency->cut_spool);
-    spool_clear(&adjacency->duplicate_spool);
+    sorter_close(&adjacency->duplicates);
     memset(adjacency, 0, sizeof *adjacency);
 }

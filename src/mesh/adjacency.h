@@ -15,14 +15,14 @@ struct edge_record {
 
 struct adjacency {
     struct context *ctx;
-    uint64_t crossing;         /* sides of edges whose other side, if any, is in another slab */
-    bool is_over_limit;        /* crossing passed the limit; nothing else is valid */
-    struct spool cut_spool;    /* struct edge_record: all sides of edges of more than two faces */
-    uint64_t cut_count;        /* sides */
-    uint64_t cut_edges;        /* edges */
-    unsigned char *duplicates; /* a bit a face: repeats the vertices of an earlier one; or NULL */
-    struct spool duplicate_spool;
-    uint64_t duplicate_count;
+    uint64_t crossing;      /* sides of edges whose other side, if any, is in another slab */
+    bool is_over_limit;     /* crossing passed the limit; nothing else is valid */
+    struct spool cut_spool; /* struct edge_record: all sides of edges of more than two faces */
+    uint64_t cut_count;     /* sides */
+    uint64_t cut_edges;     /* edges */
+    bool has_duplicates;
+    struct sorter *duplicates; /* faces that repeat the vertices of an earlier one, as 8-byte keys,
+                                  ready to be taken (draft_drop_faces); some twice */
 };
 
 /*

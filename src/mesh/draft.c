@@ -1,11 +1,5 @@
 /*
- * Numbering by first use, and what a slab's worker needs to know about its vertices.
- *
- * First use in face order makes the numbers of a slab's own vertices one range, so that positions
- * can be cut with the faces, a vertex is local by one subtraction, and only the few vertices that
- * the slab shares with earlier ones need a list. The numbering is one sweep over the faces with an
- * array from old to new numbers; where faces come in an order local in space, which store_build
- * sees to, the part of the array that is in use at a time is small.
+ * The draft's arrays, and what a slab's worker needs to know about its vertices.
  */
 #include "mesh/draft.h"
 
@@ -14,22 +8,21 @@
 #include "base/external_sort.h"
 #include "base/memory.h"
 
-void draft_init(struct context *ctx, struct draft *draft, const char *beside, unsigned slab_shift)
+void draft_init(struct context *ctx, struct draft *draft, const char *beside, unsigned slab_shift,
+                uint64_t working_memory)
 {
     memset(draft, 0, sizeof *draft);
     draft->ctx = ctx;
-    draft->beside = beside;
     draft->slab_shift = slab_shift ? slab_shift : SLAB_SHIFT;
-    draft->spool_limit = ctx->memory_budget == UINT64_MAX ? UINT64_MAX : ctx->memory_budget / 8;
-    draft->sorter_limit = draft->spool_limit;
+    room_divide(ctx, &draft->room, beside, draft->slab_shift, working_memory);
 }
 
-static void release_slabs(struct draft *draft)
+void draft_release_slabs(struct draft *draft)
 {
     memory_release(draft->ctx, &draft->vertex_first, (size_t)draft->slab_count + 1, 4);
+    memory_release(draft->ctx, &draft->shared, draft->shared_size, 1);
     draft->slab_count = 0;
-    spool_clear(&draft->shared_spool);
-    draft->shared = NULL;
+    draft->shared_size = 0;
 }
 
 void draft_forget_adjacency(struct draft *draft)
@@ -44,21 +37,12 @@ void draft_clear(struct draft *draft)
 {
     if (!draft->ctx)
         return;
-    release_slabs(draft);
+    draft_release_slabs(draft);
     draft_forget_adjacency(draft);
     spool_clear(&draft->face_spool);
-    spool_clear(&draft->source_spool);
+    spool_clear(&draft->position_spool);
+    spool_clear(&draft->record_spool);
     memset(draft, 0, sizeof *draft);
-}
-
-enum status draft_scratch(struct draft *draft, struct spool *spool, uint64_t size, void *data)
-{
-    void *bytes;
-    enum status status =
-        spool_scratch(draft->ctx, spool, draft->beside, draft->spool_limit, size, &bytes);
-    if (status == STATUS_OK)
-        memcpy(data, &bytes, sizeof bytes);
-    return status;
 }
 
 enum status draft_adopt_faces(struct draft *draft, struct spool *faces)
@@ -84,180 +68,60 @@ void draft_forget_slab(const struct draft *draft, uint64_t slab)
     spool_forget(&draft->mate_spool, slab * faces, faces);
 }
 
-/* ---- numbering ---- */
-
-struct numbering {
-    struct spool number_spool;
-    struct spool id_spool;
-    uint32_t *number_of; /* id -> new number + 1, 0: not used yet */
-    uint32_t *id_of;     /* new number -> id */
-    unsigned char *shared;
-    uint32_t next;
-    uint32_t slab_first; /* the slab's first own vertex */
-    uint64_t foreign_corners;
-};
-
-static inline uint32_t number_vertex(struct numbering *n, uint32_t id)
+void draft_forget_all(const struct draft *draft)
 {
-    uint32_t number = n->number_of[id];
-    if (number == 0) {
-        n->id_of[n->next] = id;
-        n->number_of[id] = ++n->next;
-        return n->next - 1;
-    }
-    number--;
-    if (number < n->slab_first) {
-        n->shared[number >> 3] |= (unsigned char)(1u << (number & 7));
-        n->foreign_corners++;
-    }
-    return number;
+    spool_forget_all(&draft->face_spool);
+    spool_forget_all(&draft->neighbour_spool);
+    spool_forget_all(&draft->mate_spool);
 }
 
-/* Faces up to `read` have been read, and `kept` of them written. Ids of a slab lie close together
- * where the input is local in space; elsewhere their pages come back. */
-static void forget_numbered(const struct draft *draft, const struct numbering *n, uint64_t kept,
-                            uint64_t read)
-{
-    const uint64_t slab = (uint64_t)1 << draft->slab_shift;
-    uint64_t from = kept > slab ? kept - slab : 0;
-    spool_forget(&draft->face_spool, from * 12, (read - from) * 12);
-    spool_forget_all(&n->number_spool);
-    spool_forget(&n->id_spool, 0, (uint64_t)n->next * 4);
-    spool_forget_all(&draft->shared_spool);
-}
+/* ---- dropping ---- */
 
-/* Renumbers the faces in place and cuts the slabs; faces that repeat a vertex close up. */
-static enum status number_faces(struct draft *draft, struct numbering *n, const uint32_t *merged,
-                                uint64_t *degenerate)
+/* Moves faces [from, end) down to `to`; *moved counts them, for the forgetting. */
+static void move_faces(struct draft *draft, uint64_t to, uint64_t from, uint64_t end,
+                       uint64_t *moved)
 {
-    uint32_t *faces = draft->faces;
-    const uint64_t slab_mask = ((uint64_t)1 << draft->slab_shift) - 1;
-    uint64_t kept = 0;
-    for (uint64_t f = 0; f < draft->face_count; f++) {
-        uint32_t a = faces[3 * f], b = faces[3 * f + 1], c = faces[3 * f + 2];
-        if (merged) {
-            a = merged[a];
-            b = merged[b];
-            c = merged[c];
-        }
-        if (a == b || b == c || a == c)
-            continue;
-        if ((kept & slab_mask) == 0) {
-            forget_numbered(draft, n, kept, f);
-            n->slab_first = n->next;
-            draft->vertex_first[kept >> draft->slab_shift] = n->next;
-            enum status status = step(draft->ctx, "import: number", f, draft->face_count);
-            if (status != STATUS_OK)
-                return status;
-        }
-        faces[3 * kept] = number_vertex(n, a);
-        faces[3 * kept + 1] = number_vertex(n, b);
-        faces[3 * kept + 2] = number_vertex(n, c);
-        kept++;
-    }
-    *degenerate = draft->face_count - kept;
-    draft->face_count = kept;
-    return STATUS_OK;
-}
-
-/* From numbers to input vertices, through copies and the numbering before. Dropped again when it
- * says nothing. */
-static void compose_source(struct draft *draft, struct spool *new_spool, uint32_t *id_of,
-                           uint64_t base_count, const uint32_t *copy_of)
-{
-    bool is_identity = true;
-    for (uint64_t v = 0; v < draft->vertex_count; v++) {
-        uint32_t id = id_of[v];
-        if (id >= base_count)
-            id = copy_of[id - base_count];
-        if (draft->source)
-            id = draft->source[id];
-        id_of[v] = id;
-        is_identity = is_identity && id == v;
-        if (v % FORGET_EVERY == 0) {
-            spool_forget(new_spool, 0, v * 4);
-            spool_forget_all(&draft->source_spool);
+    while (from < end) {
+        uint64_t count = end - from < FORGET_EVERY ? end - from : FORGET_EVERY;
+        memmove(draft->faces + 3 * to, draft->faces + 3 * from, (size_t)count * 12);
+        to += count;
+        from += count;
+        *moved += count;
+        if (*moved >= FORGET_EVERY) {
+            spool_forget_all(&draft->face_spool);
+            *moved = 0;
         }
     }
-    spool_forget_all(new_spool);
-    spool_clear(&draft->source_spool);
-    draft->source = NULL;
-    if (is_identity) {
-        spool_clear(new_spool);
-    } else {
-        draft->source_spool = *new_spool;
-        draft->source = id_of;
-    }
-    memset(new_spool, 0, sizeof *new_spool);
 }
 
-/* Room for the slab table of all faces, some of which may yet be dropped. */
-static enum status begin_slabs(struct draft *draft, uint64_t id_count)
+enum status draft_drop_faces(struct draft *draft, struct sorter *sorter, uint64_t *dropped)
 {
-    release_slabs(draft);
-    uint64_t slabs =
-        (draft->face_count + ((uint64_t)1 << draft->slab_shift) - 1) >> draft->slab_shift;
-    enum status status = memory_take(draft->ctx, (size_t)slabs + 1, 4, &draft->vertex_first);
-    if (status != STATUS_OK)
-        return status;
-    draft->slab_count = (uint32_t)slabs;
-    return draft_scratch(draft, &draft->shared_spool, id_count / 8 + 1, &draft->shared);
-}
-
-static enum status end_slabs(struct draft *draft, const struct numbering *n)
-{
-    uint64_t slabs =
-        (draft->face_count + ((uint64_t)1 << draft->slab_shift) - 1) >> draft->slab_shift;
-    enum status status = memory_resize(draft->ctx, &draft->vertex_first,
-                                       (size_t)draft->slab_count + 1, (size_t)slabs + 1, 4);
-    if (status != STATUS_OK)
-        return status;
-    draft->slab_count = (uint32_t)slabs;
-    draft->vertex_first[slabs] = n->next;
-    draft->vertex_count = n->next;
-    draft->foreign_corners = n->foreign_corners;
-    return STATUS_OK;
-}
-
-enum status draft_number(struct draft *draft, uint64_t base_count, const uint32_t *merged,
-                         const uint32_t *copy_of, uint64_t copy_count, uint64_t *degenerate)
-{
-    uint64_t id_count = base_count + copy_count;
-    if (id_count > (uint64_t)UINT32_MAX - 1)
-        return fail(draft->ctx, STATUS_BAD_INPUT,
-                    "the mesh has %llu vertices; a store holds at most 4294967294",
-                    (unsigned long long)id_count);
-    struct numbering n = {0};
-    enum status status = begin_slabs(draft, id_count);
-    if (status == STATUS_OK)
-        status = draft_scratch(draft, &n.number_spool, id_count * 4, &n.number_of);
-    if (status == STATUS_OK)
-        status = draft_scratch(draft, &n.id_spool, id_count * 4, &n.id_of);
-    if (status == STATUS_OK) {
-        n.shared = draft->shared;
-        status = number_faces(draft, &n, merged, degenerate);
-    }
-    spool_clear(&n.number_spool);
-    if (status == STATUS_OK)
-        status = end_slabs(draft, &n);
-    if (status == STATUS_OK)
-        compose_source(draft, &n.id_spool, n.id_of, base_count, copy_of);
-    spool_clear(&n.id_spool);
-    return status;
-}
-
-void draft_drop_faces(struct draft *draft, const unsigned char *dropped)
-{
-    uint32_t *faces = draft->faces;
-    uint64_t kept = 0;
-    for (uint64_t f = 0; f < draft->face_count; f++) {
-        if (dropped[f >> 3] >> (f & 7) & 1)
-            continue;
-        memmove(faces + 3 * kept, faces + 3 * f, 3 * sizeof *faces);
-        kept++;
-    }
-    draft->face_count = kept;
+    uint64_t kept = 0, moved = 0;
+    uint64_t from = 0; /* faces before `from` have been looked at */
+    *dropped = 0;
     draft_forget_adjacency(draft);
+    for (;;) {
+        const void *data;
+        size_t count;
+        enum status status = sorter_next(sorter, &data, &count);
+        if (status != STATUS_OK)
+            return status;
+        if (count == 0)
+            break;
+        const uint64_t *keys = data;
+        for (size_t i = 0; i < count; i++) {
+            if (keys[i] < from)
+                continue; /* the same one again */
+            move_faces(draft, kept, from, keys[i], &moved);
+            kept += keys[i] - from;
+            from = keys[i] + 1;
+            ++*dropped;
+        }
+    }
+    move_faces(draft, kept, from, draft->face_count, &moved);
+    spool_forget_all(&draft->face_spool);
+    draft->face_count -= *dropped;
+    return STATUS_OK;
 }
 
 enum status count_distinct(struct sorter *sorter, uint64_t *count)

@@ -18,7 +18,7 @@
 
 #include "base/file.h"
 #include "mesh/corner.h"
-#include "mesh/forget.h"
+#include "mesh/room.h"
 #include "mesh/store.h"
 
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
@@ -26,9 +26,7 @@ _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
 
 struct draft {
     struct context *ctx;
-    const char *beside;    /* borrowed: where temporary files go */
-    uint64_t spool_limit;  /* bytes of one spool that may lie in memory */
-    uint64_t sorter_limit; /* the same of a sort */
+    struct room room;
     unsigned slab_shift;
 
     uint64_t vertex_count;
@@ -36,41 +34,75 @@ struct draft {
     struct spool face_spool;
     struct spool neighbour_spool;
     struct spool mate_spool;
-    struct spool source_spool;
-    struct spool shared_spool;
-    uint32_t *faces;       /* 3 a face */
-    uint32_t *neighbours;  /* 3 a face, NO_INDEX at a border; NULL before adjacency_build */
-    uint8_t *mates;        /* bits 2k, 2k+1: the neighbour's edge; NULL before adjacency_build */
-    uint32_t *source;      /* the input vertex of each vertex; NULL: the same number */
-    unsigned char *shared; /* a bit a vertex */
+    struct spool position_spool;
+    struct spool record_spool;
+    uint32_t *faces;        /* 3 a face */
+    uint32_t *neighbours;   /* 3 a face, NO_INDEX at a border; NULL before adjacency_build */
+    uint8_t *mates;         /* bits 2k, 2k+1: the neighbour's edge; NULL before adjacency_build */
+    bool is_float32;        /* positions are floats, else doubles */
+    void *positions;        /* 3 a vertex, as the input has them */
+    unsigned char *records; /* record_size bytes a vertex; NULL: no attributes */
+    uint32_t record_size;
+    unsigned char *shared; /* a bit a vertex, always in memory */
+    size_t shared_size;
 
     uint32_t slab_count;
     uint32_t *vertex_first;   /* slab_count + 1 */
     uint64_t foreign_corners; /* corners whose vertex an earlier slab used first */
 };
 
-/* Sets the limits from the budget. slab_shift 0: SLAB_SHIFT. */
-void draft_init(struct context *ctx, struct draft *draft, const char *beside, unsigned slab_shift);
+/* slab_shift 0: SLAB_SHIFT; working_memory: as for room_divide. */
+void draft_init(struct context *ctx, struct draft *draft, const char *beside, unsigned slab_shift,
+                uint64_t working_memory);
 void draft_clear(struct draft *draft);
 
 /* Takes over a spool of faces whose indices are below id_count, not numbered yet. */
 enum status draft_adopt_faces(struct draft *draft, struct spool *faces) MUST_CHECK;
 
 /*
- * Numbers vertices by first use and cuts the slabs (D1 to D3). Before, faces hold ids: below
- * `base_count` those of the last numbering (or of the input, the first time), from there on
- * copies, made from the id copy_of[id - base_count]. Faces that repeat an id are dropped and
- * counted in *degenerate (only the first time can there be any: the face order of neighbours[]
- * must not change). `merged`, if not NULL, is looked up first: id -> id (the weld).
+ * Numbers vertices by first use, cuts the slabs (D1 to D3), and puts positions and records in the
+ * order of the numbers. Before, faces hold ids: below `base_count` those of the last numbering (or
+ * of the input, the first time), from there on copies, made from the id copy_of[id - base_count].
+ * Faces that repeat an id are dropped and counted in *degenerate (only the first time can there be
+ * any: the face order of neighbours[] must not change).
  */
-enum status draft_number(struct draft *draft, uint64_t base_count, const uint32_t *merged,
+enum status draft_number(struct draft *draft, uint64_t base_count, const struct spool *copy_spool,
                          const uint32_t *copy_of, uint64_t copy_count,
                          uint64_t *degenerate) MUST_CHECK;
 
-/* Drops the faces whose bit is set and forgets neighbours; draft_number must follow. */
-void draft_drop_faces(struct draft *draft, const unsigned char *dropped);
+/* Puts positions and records in another order, that of `ids` (in `id_spool`): the new vertex v is
+ * what ids[v] was, or copy_of[ids[v] - base_count]. `next_count` of them. */
+enum status draft_gather(struct draft *draft, const struct spool *id_spool, const uint32_t *ids,
+                         uint64_t next_count, uint64_t base_count, const struct spool *copy_spool,
+                         const uint32_t *copy_of) MUST_CHECK;
+
+/* Replaces each corner by what `table` (in `spool`, `count` elements) has for it. */
+enum status draft_map_corners(struct draft *draft, const struct spool *spool, const uint32_t *table,
+                              uint64_t count) MUST_CHECK;
+
+/* Position of a vertex. */
+static inline void draft_position(const struct draft *draft, uint64_t v, double out[3])
+{
+    const float *floats = draft->positions;
+    const double *doubles = draft->positions;
+    for (int i = 0; i < 3; i++)
+        out[i] =
+            draft->is_float32 ? (double)floats[3 * v + (uint64_t)i] : doubles[3 * v + (uint64_t)i];
+}
+
+static inline uint64_t draft_position_size(const struct draft *draft)
+{
+    return draft->is_float32 ? 12 : 24;
+}
+
+struct sorter;
+/* Drops the faces whose numbers come out of `sorter` (8-byte keys, ascending, each at least once)
+ * and forgets neighbours; draft_number must follow. *dropped counts them. */
+enum status draft_drop_faces(struct draft *draft, struct sorter *sorter,
+                             uint64_t *dropped) MUST_CHECK;
 
 void draft_forget_adjacency(struct draft *draft);
+void draft_release_slabs(struct draft *draft);
 
 static inline bool is_shared(const struct draft *draft, uint32_t vertex)
 {
@@ -102,8 +134,10 @@ static inline uint64_t code_of(uint32_t face, unsigned corner)
     return (uint64_t)face << 2 | corner;
 }
 
-/* Faces, neighbours and mates of a slab leave the process (forget.h). */
+/* Faces, neighbours and mates of a slab leave the process (room.h). */
 void draft_forget_slab(const struct draft *draft, uint64_t slab);
+/* The same of all slabs. */
+void draft_forget_all(const struct draft *draft);
 
 /* ---- one slab of a draft, as a worker sees it ---- */
 
@@ -142,11 +176,6 @@ static inline uint32_t scope_local_count(const struct slab_scope *scope)
     return scope->own_count + scope->foreign_count;
 }
 
-/* Scratch bytes in `spool` by the draft's limits. */
-enum status draft_scratch(struct draft *draft, struct spool *spool, uint64_t size,
-                          void *data) MUST_CHECK;
-
-struct sorter;
 /* Ends the adding to a sorter of 8-byte records and counts the different ones. */
 enum status count_distinct(struct sorter *sorter, uint64_t *count) MUST_CHECK;
 

@@ -16,24 +16,29 @@
 
 #include "base/memory.h"
 #include "geom/triangulate.h"
-#include "mesh/forget.h"
 
 enum { BATCH = 4096, POLYGON_STEP = 1 << 16 };
 
 static const uint64_t index_limit = (uint64_t)UINT32_MAX - 1; /* counts go up to 2^32 - 2 */
 
-void ingest_init(struct context *ctx, struct ingest *ingest, const char *beside,
-                 uint64_t spool_limit)
+enum { GROWING_SPOOLS = 4 };
+
+static void begin_spool(const struct ingest *ingest, struct spool *spool)
+{
+    spool_init(ingest->ctx, spool, ingest->room->beside,
+               room_spool_limit(ingest->room, GROWING_SPOOLS));
+}
+
+void ingest_init(struct context *ctx, struct ingest *ingest, const struct room *room)
 {
     memset(ingest, 0, sizeof *ingest);
     ingest->ctx = ctx;
-    ingest->beside = beside;
-    ingest->spool_limit = spool_limit;
+    ingest->room = room;
     ingest->double_first = UINT64_MAX;
-    spool_init(ctx, &ingest->float_spool, beside, spool_limit);
-    spool_init(ctx, &ingest->double_spool, beside, spool_limit);
-    spool_init(ctx, &ingest->face_spool, beside, spool_limit);
-    spool_init(ctx, &ingest->polygon_spool, beside, spool_limit);
+    begin_spool(ingest, &ingest->float_spool);
+    begin_spool(ingest, &ingest->double_spool);
+    begin_spool(ingest, &ingest->face_spool);
+    begin_spool(ingest, &ingest->polygon_spool);
 }
 
 void ingest_clear(struct ingest *ingest)
@@ -47,6 +52,8 @@ void ingest_clear(struct ingest *ingest)
     spool_clear(&ingest->double_spool);
     spool_clear(&ingest->face_spool);
     spool_clear(&ingest->polygon_spool);
+    spool_clear(&ingest->position_spool);
+    spool_clear(&ingest->record_spool);
     memset(ingest, 0, sizeof *ingest);
 }
 
@@ -236,7 +243,7 @@ enum status ingest_begin(struct ingest *ingest, const char *name, struct import_
     memset(input, 0, sizeof *input);
     input->name = name;
     input->vertex_first = ingest->vertex_count;
-    spool_init(ingest->ctx, &input->record_spool, ingest->beside, ingest->spool_limit);
+    begin_spool(ingest, &input->record_spool);
     ingest->needed_vertices = 0;
     ingest->largest_face = 0;
     *sink = (struct import_sink){ingest, sink_begin, sink_vertices, sink_faces};
@@ -258,7 +265,8 @@ enum status ingest_end(struct ingest *ingest)
 /* ---- polygons ---- */
 
 struct polygon_scratch {
-    double *points; /* 3 a corner */
+    struct visits visits; /* of positions */
+    double *points;       /* 3 a corner */
     size_t points_capacity;
     uint32_t *corners;
     size_t corner_capacity;
@@ -286,8 +294,10 @@ static enum status triangulate_polygon(struct ingest *ingest, const struct inges
     scratch->corners[1] = fan[1];
     for (uint32_t i = 2; i < n; i++)
         scratch->corners[i] = fan[3 * (size_t)(i - 2) + 2];
-    for (uint32_t i = 0; i < n; i++)
+    for (uint32_t i = 0; i < n; i++) {
+        visit(&scratch->visits, scratch->corners[i] * (ingest->is_float32 ? 12u : 24ull));
         ingest_position(ingest, scratch->corners[i], scratch->points + 3 * (size_t)i);
+    }
     enum triangulation_quality quality;
     status = triangulate(ctx, &scratch->workspace, scratch->points, n, NULL, NULL, NULL,
                          scratch->triangles, &quality);
@@ -305,12 +315,20 @@ static enum status triangulate_all(struct ingest *ingest)
     enum status status = spool_seal(&ingest->polygon_spool, &data);
     const struct ingest_polygon *polygons = data;
     struct polygon_scratch scratch = {0};
+    if (status == STATUS_OK && count)
+        status = visits_begin(ingest->room, &scratch.visits, &ingest->position_spool,
+                              room_left(ingest->room) / 4 * 3);
     for (uint64_t i = 0; i < count && status == STATUS_OK; i++) {
-        if (i % POLYGON_STEP == 0)
+        if (i % POLYGON_STEP == 0) {
             status = step(ingest->ctx, "import: triangulate", i, count);
+            spool_forget_all(&ingest->face_spool);
+            spool_forget_all(&ingest->polygon_spool);
+        }
         if (status == STATUS_OK)
             status = triangulate_polygon(ingest, &polygons[i], &scratch);
     }
+    visits_end(&scratch.visits);
+    spool_forget_all(&ingest->face_spool);
     memory_release(ingest->ctx, &scratch.points, scratch.points_capacity, sizeof(double));
     memory_release(ingest->ctx, &scratch.corners, scratch.corner_capacity, 4);
     memory_release(ingest->ctx, &scratch.triangles, scratch.triangle_capacity, 4);
@@ -375,32 +393,114 @@ static void settle_attributes(struct ingest *ingest)
     tell_dropped(ingest);
 }
 
-void ingest_record(const struct ingest *ingest, uint64_t vertex, unsigned char *record)
+/* ---- one form for all ---- */
+
+/* Appends what the spool `from` holds, as doubles if it holds floats, and clears it. */
+static enum status append_floats_of(struct spool *from, struct spool *to)
 {
-    size_t low = 0, high = ingest->input_count; /* the last input that begins at or before it */
-    while (high - low > 1) {
-        size_t middle = low + (high - low) / 2;
-        if (ingest->inputs[middle].vertex_first <= vertex)
-            low = middle;
-        else
-            high = middle;
+    void *data;
+    double buffer[3 * 512];
+    enum status status = spool_seal(from, &data);
+    const float *floats = data;
+    const uint64_t count = from->size / sizeof *floats;
+    for (uint64_t done = 0; done < count && status == STATUS_OK;) {
+        size_t size = sizeof buffer / sizeof *buffer;
+        size = count - done < size ? (size_t)(count - done) : size;
+        for (size_t i = 0; i < size; i++)
+            buffer[i] = (double)floats[done + i];
+        status = spool_append(to, buffer, size * sizeof *buffer);
+        done += size;
+        if (done % FORGET_EVERY < size)
+            spool_forget_all(from);
     }
-    const struct ingest_input *input = &ingest->inputs[low];
-    const unsigned char *from =
-        input->records + (vertex - input->vertex_first) * input->attributes.stride;
-    for (uint32_t a = 0; a < ingest->attributes.count; a++) {
-        const struct attribute *to = &ingest->attributes.list[a];
-        memcpy(record + to->offset, from + input->attributes.list[input->common[a]].offset,
-               scalar_size(to->type));
-    }
+    spool_clear(from);
+    return status;
 }
 
-void ingest_forget(const struct ingest *ingest)
+static enum status append_all_of(struct spool *from, struct spool *to)
 {
-    spool_forget_all(&ingest->float_spool);
-    spool_forget_all(&ingest->double_spool);
-    for (size_t i = 0; i < ingest->input_count; i++)
-        spool_forget_all(&ingest->inputs[i].record_spool);
+    enum { PIECE = 1 << 20 };
+    void *data;
+    enum status status = spool_seal(from, &data);
+    const unsigned char *bytes = data;
+    for (uint64_t done = 0; done < from->size && status == STATUS_OK;) {
+        size_t size = from->size - done < PIECE ? (size_t)(from->size - done) : PIECE;
+        status = spool_append(to, bytes + done, size);
+        done += size;
+        spool_forget(from, 0, done);
+    }
+    spool_clear(from);
+    return status;
+}
+
+/* Floats, if all are; else doubles. Batches of both kinds need a copy of all. */
+static enum status unite_positions(struct ingest *ingest)
+{
+    enum status status = STATUS_OK;
+    struct spool *all = &ingest->position_spool;
+    ingest->is_float32 = ingest->double_first == UINT64_MAX;
+    if (ingest->is_float32 || ingest->double_first == 0) {
+        struct spool *only = ingest->is_float32 ? &ingest->float_spool : &ingest->double_spool;
+        *all = *only;
+        memset(only, 0, sizeof *only);
+    } else {
+        begin_spool(ingest, all);
+        status = append_floats_of(&ingest->float_spool, all);
+        if (status == STATUS_OK)
+            status = append_all_of(&ingest->double_spool, all);
+    }
+    return status == STATUS_OK ? spool_seal(all, &ingest->positions) : status;
+}
+
+/* Whether an input's records are what the common ones shall be. */
+static bool has_common_form(const struct ingest *ingest, const struct ingest_input *input)
+{
+    for (uint32_t a = 0; a < ingest->attributes.count; a++) {
+        if (input->attributes.list[input->common[a]].offset != ingest->attributes.list[a].offset)
+            return false;
+    }
+    return input->attributes.stride == ingest->attributes.stride;
+}
+
+static enum status append_records(struct ingest *ingest, struct ingest_input *input)
+{
+    unsigned char record[ATTRIBUTE_MAX * 8];
+    void *data;
+    enum status status = spool_seal(&input->record_spool, &data);
+    const unsigned char *from = data;
+    for (uint64_t v = 0; v < input->vertex_count && status == STATUS_OK; v++) {
+        for (uint32_t a = 0; a < ingest->attributes.count; a++) {
+            const struct attribute *to = &ingest->attributes.list[a];
+            memcpy(record + to->offset, from + input->attributes.list[input->common[a]].offset,
+                   scalar_size(to->type));
+        }
+        status = spool_append(&ingest->record_spool, record, ingest->attributes.stride);
+        from += input->attributes.stride;
+        if (v % FORGET_EVERY == 0)
+            spool_forget_all(&input->record_spool);
+    }
+    spool_clear(&input->record_spool);
+    return status;
+}
+
+static enum status unite_records(struct ingest *ingest)
+{
+    if (ingest->attributes.stride == 0)
+        return STATUS_OK;
+    enum status status = STATUS_OK;
+    if (ingest->input_count == 1 && has_common_form(ingest, &ingest->inputs[0])) {
+        ingest->record_spool = ingest->inputs[0].record_spool;
+        memset(&ingest->inputs[0].record_spool, 0, sizeof ingest->inputs[0].record_spool);
+    } else {
+        begin_spool(ingest, &ingest->record_spool);
+        for (size_t i = 0; i < ingest->input_count && status == STATUS_OK; i++)
+            status = append_records(ingest, &ingest->inputs[i]);
+    }
+    void *data = NULL;
+    if (status == STATUS_OK)
+        status = spool_seal(&ingest->record_spool, &data);
+    ingest->records = data;
+    return status;
 }
 
 /* ---- the end ---- */
@@ -408,24 +508,16 @@ void ingest_forget(const struct ingest *ingest)
 enum status ingest_finish(struct ingest *ingest)
 {
     void *data;
-    enum status status = spool_seal(&ingest->float_spool, &data);
+    enum status status = unite_positions(ingest);
     if (status == STATUS_OK) {
-        ingest->floats = data;
-        status = spool_seal(&ingest->double_spool, &data);
-    }
-    if (status == STATUS_OK) {
-        ingest->doubles = data;
-        status = spool_seal(&ingest->face_spool, &data);
-    }
-    if (status == STATUS_OK)
-        ingest->faces = data;
-    for (size_t i = 0; i < ingest->input_count && status == STATUS_OK; i++) {
-        status = spool_seal(&ingest->inputs[i].record_spool, &data);
-        ingest->inputs[i].records = data;
-    }
-    if (status == STATUS_OK)
-        status = triangulate_all(ingest);
-    if (status == STATUS_OK)
         settle_attributes(ingest);
+        status = unite_records(ingest);
+    }
+    if (status == STATUS_OK)
+        status = spool_seal(&ingest->face_spool, &data);
+    if (status == STATUS_OK) {
+        ingest->faces = data;
+        status = triangulate_all(ingest);
+    }
     return status;
 }

@@ -8,6 +8,7 @@
 #include "base/file.h"
 #include "mesh/import.h"
 #include "mesh/mesh.h"
+#include "mesh/room.h"
 
 struct ingest_input {
     const char *name; /* borrowed, for messages */
@@ -16,14 +17,12 @@ struct ingest_input {
     bool is_soup;
     struct attributes attributes;
     struct spool record_spool;
-    const unsigned char *records;
     uint32_t common[ATTRIBUTE_MAX]; /* place in `attributes` of each common attribute */
 };
 
 struct ingest {
     struct context *ctx;
-    const char *beside;
-    uint64_t spool_limit;
+    const struct room *room; /* borrowed */
 
     struct ingest_input *inputs;
     size_t input_count;
@@ -36,15 +35,19 @@ struct ingest {
     uint64_t input_faces;   /* as the files have them */
     uint64_t polygon_faces; /* triangles that polygons gave */
     uint64_t face_count;    /* triangles */
-    uint64_t double_first;  /* vertices before this one are floats; UINT64_MAX: all */
+    uint64_t double_first;  /* vertices before this one came as floats; UINT64_MAX: all */
     struct spool float_spool;
     struct spool double_spool;
     struct spool face_spool;    /* 3 indices a triangle, offset by the inputs before */
     struct spool polygon_spool; /* struct ingest_polygon */
-    const float *floats;        /* after ingest_finish */
-    const double *doubles;
-    uint32_t *faces;
 
+    /* after ingest_finish */
+    bool is_float32;
+    struct spool position_spool; /* 3 floats or doubles a vertex */
+    void *positions;
+    struct spool record_spool; /* attributes.stride bytes a vertex, of the common attributes */
+    unsigned char *records;    /* NULL if there are none */
+    uint32_t *faces;
     struct attributes attributes; /* what all inputs have, after ingest_finish */
 };
 
@@ -54,8 +57,7 @@ struct ingest_polygon {
     uint32_t size;
 };
 
-void ingest_init(struct context *ctx, struct ingest *ingest, const char *beside,
-                 uint64_t spool_limit);
+void ingest_init(struct context *ctx, struct ingest *ingest, const struct room *room);
 void ingest_clear(struct ingest *ingest);
 
 /* Announces the next input and gives the sink to read it into. `name` is borrowed until
@@ -64,31 +66,17 @@ enum status ingest_begin(struct ingest *ingest, const char *name,
                          struct import_sink *sink) MUST_CHECK;
 /* Checks the input's indices, once it is read. */
 enum status ingest_end(struct ingest *ingest) MUST_CHECK;
-/* After the last input: seals the spools, triangulates polygons, settles the attributes. */
+/* After the last input: triangulates polygons, settles the attributes, and brings positions and
+ * records of all inputs into one form. */
 enum status ingest_finish(struct ingest *ingest) MUST_CHECK;
 
 /* Position of an input vertex, after ingest_finish. */
 static inline void ingest_position(const struct ingest *ingest, uint64_t vertex, double out[3])
 {
-    if (vertex < ingest->double_first) {
-        for (int i = 0; i < 3; i++)
-            out[i] = (double)ingest->floats[3 * vertex + i];
-    } else {
-        const double *from = ingest->doubles + 3 * (vertex - ingest->double_first);
-        for (int i = 0; i < 3; i++)
-            out[i] = from[i];
-    }
+    const float *floats = ingest->positions;
+    const double *doubles = ingest->positions;
+    for (unsigned i = 0; i < 3; i++)
+        out[i] = ingest->is_float32 ? (double)floats[3 * vertex + i] : doubles[3 * vertex + i];
 }
-
-static inline bool ingest_is_float32(const struct ingest *ingest)
-{
-    return ingest->double_first == UINT64_MAX;
-}
-
-/* Positions and records leave the process, where they lie in files, until they are looked at. */
-void ingest_forget(const struct ingest *ingest);
-
-/* The common attributes of an input vertex, attributes.stride bytes. */
-void ingest_record(const struct ingest *ingest, uint64_t vertex, unsigned char *record);
 
 #endif

@@ -4,24 +4,34 @@
  * Sorting the faces themselves moves 12 bytes each several times. Here a face is one word: the cell
  * of its centre on the Hilbert curve above, its number below, so that ties keep their order; the
  * faces are moved once, when all words are sorted. What bits the number leaves go to the cell: 14
- * an axis for a million faces, 10 for the most that there can be.
+ * an axis for a million faces, 10 for the most that there can be. Where the faces are not in memory
+ * that one move would be to any place of a file, and they are sorted with their words.
  *
  * The centre is made from the corners' cells in a grid of 2^19 a side, as integers: faces with the
  * same corners in any order have the very same centre, so that of duplicates the first stays first.
- * A vertex's three cell coordinates share a word with room for sums of three.
+ * A vertex's three cell coordinates share a word with room for sums of three. The words of all
+ * vertices are a table; where it does not fit, lookup.h reads it.
  */
 #include "mesh/order.h"
+
+#include <string.h>
 
 #include "base/external_sort.h"
 #include "base/memory.h"
 #include "base/parallel.h"
 #include "geom/space_curve.h"
+#include "mesh/lookup.h"
 
-enum { GRID_BITS = 19, FIELD_BITS = 21, CELL_BITS_MAX = 16, JUDGED_SHIFT_MIN = 6 };
+enum { GRID_BITS = 19, FIELD_BITS = 21, CELL_BITS_MAX = 16, JUDGED_SHIFT_MIN = 6, BATCH = 1024 };
+
+/* What is sorted when faces are not in memory: its first 8 bytes are the key. */
+struct keyed_face {
+    uint32_t key_low, key_high;
+    uint32_t corners[3];
+};
 
 struct ordering {
     struct draft *draft;
-    const struct ingest *ingest;
     struct space_curve curve;
     struct spool cell_spool;
     uint64_t *cells; /* a vertex: its cell coordinates, FIELD_BITS apart */
@@ -29,18 +39,13 @@ struct ordering {
     double scale;
     unsigned index_bits;
     unsigned cell_bits;
+    bool moves_faces; /* they are sorted with their keys */
     struct sorter *sorter;
     uint64_t **keys; /* a slab in flight */
     unsigned in_flight;
 };
 
 /* ---- vertices ---- */
-
-static void vertex_position(const struct ordering *o, uint64_t v, double out[3])
-{
-    const uint32_t *source = o->draft->source;
-    ingest_position(o->ingest, source ? source[v] : v, out);
-}
 
 static void set_grid(struct ordering *o, const struct frame *frame)
 {
@@ -60,7 +65,7 @@ static enum status fill_cells(void *user, uint64_t job, unsigned worker)
     uint64_t first = o->draft->vertex_first[job], end = o->draft->vertex_first[job + 1];
     for (uint64_t v = first; v < end; v++) {
         double p[3];
-        vertex_position(o, v, p);
+        draft_position(o->draft, v, p);
         uint64_t cell = 0;
         for (int i = 3; i-- > 0;)
             cell = cell << FIELD_BITS | (uint64_t)((p[i] - o->low[i]) * o->scale);
@@ -69,50 +74,163 @@ static enum status fill_cells(void *user, uint64_t job, unsigned worker)
     return STATUS_OK;
 }
 
+static enum status forget_vertices(void *user, uint64_t job)
+{
+    struct ordering *o = user;
+    spool_forget_all(&o->draft->position_spool);
+    spool_forget_all(&o->cell_spool);
+    return step(o->draft->ctx, "import: order", job, 2 * (uint64_t)o->draft->slab_count);
+}
+
 /* ---- faces ---- */
 
+/* The key of face f, whose corners' cells sum up to `sum`. */
+static inline uint64_t key_of(const struct ordering *o, uint64_t f, uint64_t sum)
+{
+    const uint64_t field = ((uint64_t)1 << FIELD_BITS) - 1;
+    const unsigned drop = GRID_BITS - o->cell_bits;
+    uint32_t x = (uint32_t)(sum & field) / 3 >> drop;
+    uint32_t y = (uint32_t)(sum >> FIELD_BITS & field) / 3 >> drop;
+    uint32_t z = (uint32_t)(sum >> 2 * FIELD_BITS) / 3 >> drop;
+    return space_curve_key(&o->curve, x, y, z, o->cell_bits) << o->index_bits | f;
+}
+
+static uint64_t slab_end(const struct draft *draft, uint64_t slab)
+{
+    uint64_t end = (slab + 1) << draft->slab_shift;
+    return end < draft->face_count ? end : draft->face_count;
+}
+
+/* All faces of a slab, when the cells are in memory. */
 static enum status make_keys(void *user, uint64_t job, unsigned worker)
 {
     (void)worker;
     struct ordering *o = user;
     const struct draft *draft = o->draft;
-    uint64_t first = job << draft->slab_shift, end = first + ((uint64_t)1 << draft->slab_shift);
-    if (end > draft->face_count)
-        end = draft->face_count;
+    uint64_t first = job << draft->slab_shift, end = slab_end(draft, job);
     uint64_t *keys = o->keys[job % o->in_flight];
-    const uint64_t field = ((uint64_t)1 << FIELD_BITS) - 1;
-    const unsigned drop = GRID_BITS - o->cell_bits;
     for (uint64_t f = first; f < end; f++) {
         const uint32_t *face = draft->faces + 3 * f;
-        uint64_t sum = o->cells[face[0]] + o->cells[face[1]] + o->cells[face[2]];
-        uint32_t x = (uint32_t)(sum & field) / 3 >> drop;
-        uint32_t y = (uint32_t)(sum >> FIELD_BITS & field) / 3 >> drop;
-        uint32_t z = (uint32_t)(sum >> 2 * FIELD_BITS) / 3 >> drop;
-        keys[f - first] = space_curve_key(&o->curve, x, y, z, o->cell_bits) << o->index_bits | f;
+        keys[f - first] = key_of(o, f, o->cells[face[0]] + o->cells[face[1]] + o->cells[face[2]]);
     }
     return STATUS_OK;
 }
 
-static enum status add_keys(void *user, uint64_t job)
+static enum status add_keys(struct ordering *o, uint64_t first, const uint64_t *keys, size_t count)
 {
-    struct ordering *o = user;
-    uint64_t first = job << o->draft->slab_shift;
-    uint64_t left = o->draft->face_count - first, full = (uint64_t)1 << o->draft->slab_shift;
-    enum status status =
-        sorter_add(o->sorter, o->keys[job % o->in_flight], (size_t)(left < full ? left : full));
-    if (status == STATUS_OK)
-        status = step(o->draft->ctx, "import: order", job, o->draft->slab_count);
+    if (!o->moves_faces)
+        return sorter_add(o->sorter, keys, count);
+    struct keyed_face batch[BATCH];
+    enum status status = STATUS_OK;
+    for (size_t done = 0; done < count && status == STATUS_OK;) {
+        size_t size = count - done < BATCH ? count - done : BATCH;
+        const uint32_t *face = o->draft->faces + 3 * (first + done);
+        for (size_t i = 0; i < size; i++, face += 3) {
+            uint64_t key = keys[done + i];
+            batch[i] = (struct keyed_face){
+                (uint32_t)key, (uint32_t)(key >> 32), {face[0], face[1], face[2]}};
+        }
+        status = sorter_add(o->sorter, batch, size);
+        done += size;
+    }
     return status;
 }
+
+static enum status finish_keys(void *user, uint64_t job)
+{
+    struct ordering *o = user;
+    const struct draft *draft = o->draft;
+    uint64_t first = job << draft->slab_shift;
+    enum status status =
+        add_keys(o, first, o->keys[job % o->in_flight], (size_t)(slab_end(draft, job) - first));
+    draft_forget_slab(draft, job);
+    if (status == STATUS_OK)
+        status = step(draft->ctx, "import: order", draft->slab_count + job,
+                      2 * (uint64_t)draft->slab_count);
+    return status;
+}
+
+/* ---- faces, when the cells are not in memory ---- */
+
+enum asking { NOW, ASK, NEXT };
+
+static inline enum status cell_of(struct lookup *lookup, enum asking asking, uint32_t vertex,
+                                  uint64_t *cell)
+{
+    if (asking == ASK)
+        return lookup_ask(lookup, vertex);
+    if (asking == NEXT)
+        return lookup_next(lookup, vertex, cell);
+    memcpy(cell, lookup_now(lookup, vertex), sizeof *cell);
+    return STATUS_OK;
+}
+
+/* Keys of all faces from `first` on, *end of them done. */
+static enum status walk_faces(struct ordering *o, struct lookup *lookup, enum asking asking,
+                              uint64_t first, uint64_t *end)
+{
+    const struct draft *draft = o->draft;
+    uint64_t keys[BATCH];
+    enum status status = STATUS_OK;
+    while (first < draft->face_count && status == STATUS_OK &&
+           !(asking == NOW && lookup_is_scattered(lookup))) {
+        size_t count =
+            draft->face_count - first < BATCH ? (size_t)(draft->face_count - first) : BATCH;
+        for (size_t i = 0; i < count && status == STATUS_OK; i++) {
+            uint64_t cells[3] = {0};
+            for (int k = 0; k < 3 && status == STATUS_OK; k++)
+                status =
+                    cell_of(lookup, asking, draft->faces[3 * (first + i) + (size_t)k], &cells[k]);
+            keys[i] = key_of(o, first + i, cells[0] + cells[1] + cells[2]);
+        }
+        if (status == STATUS_OK && asking != ASK)
+            status = add_keys(o, first, keys, count);
+        first += count;
+        if (first % FORGET_EVERY < BATCH) {
+            spool_forget(&draft->face_spool, 0, first * 12);
+            if (status == STATUS_OK)
+                status = step(draft->ctx, "import: order", first, draft->face_count);
+        }
+    }
+    *end = first;
+    spool_forget_all(&draft->face_spool);
+    return status;
+}
+
+static enum status look_up_keys(struct ordering *o)
+{
+    struct draft *draft = o->draft;
+    struct lookup lookup;
+    uint64_t done = 0, end;
+    enum status status = lookup_open(&draft->room, &lookup, &o->cell_spool, o->cells,
+                                     sizeof *o->cells, draft->vertex_count);
+    if (status == STATUS_OK)
+        status = walk_faces(o, &lookup, NOW, 0, &done);
+    if (status == STATUS_OK && done < draft->face_count) {
+        status = lookup_ask_begin(&lookup);
+        if (status == STATUS_OK)
+            status = walk_faces(o, &lookup, ASK, done, &end);
+        if (status == STATUS_OK)
+            status = lookup_answer(&lookup);
+        if (status == STATUS_OK)
+            status = walk_faces(o, &lookup, NEXT, done, &end);
+    }
+    lookup_close(&lookup);
+    return status;
+}
+
+/* ---- moving ---- */
 
 static enum status move_faces(struct ordering *o)
 {
     struct draft *draft = o->draft;
     struct spool moved;
-    uint32_t batch[3 * 1024];
+    uint32_t batch[3 * BATCH];
     const uint64_t mask = ((uint64_t)1 << o->index_bits) - 1;
-    spool_init(draft->ctx, &moved, draft->beside, draft->spool_limit);
+    spool_init(draft->ctx, &moved, draft->room.beside, room_spool_limit(&draft->room, 2));
     enum status status = sorter_finish(o->sorter);
+    if (o->moves_faces)
+        spool_clear(&draft->face_spool);
     while (status == STATUS_OK) {
         const void *data;
         size_t count;
@@ -120,10 +238,12 @@ static enum status move_faces(struct ordering *o)
         if (status != STATUS_OK || count == 0)
             break;
         const uint64_t *keys = data;
+        const struct keyed_face *keyed = data;
         for (size_t i = 0; i < count && status == STATUS_OK;) {
             size_t used = 0;
             for (; used < sizeof batch / sizeof *batch && i < count; i++) {
-                const uint32_t *face = draft->faces + 3 * (keys[i] & mask);
+                const uint32_t *face =
+                    o->moves_faces ? keyed[i].corners : draft->faces + 3 * (keys[i] & mask);
                 for (int k = 0; k < 3; k++)
                     batch[used++] = face[k];
             }
@@ -154,50 +274,67 @@ bool order_is_scattered(const struct draft *draft)
            draft->foreign_corners > draft->face_count / 8 * 9;
 }
 
-static enum status prepare(struct ordering *o)
+static enum status prepare(struct ordering *o, const struct frame *frame)
 {
     struct draft *draft = o->draft;
     while ((draft->face_count - 1) >> o->index_bits)
         o->index_bits++;
     unsigned bits = (64 - o->index_bits) / 3;
     o->cell_bits = bits < CELL_BITS_MAX ? bits : CELL_BITS_MAX;
+    o->moves_faces = draft->face_spool.map != NULL;
     space_curve_init(&o->curve);
-    enum status status = draft_scratch(draft, &o->cell_spool, draft->vertex_count * 8, &o->cells);
-    if (status == STATUS_OK)
-        status = sorter_open(draft->ctx, 8, 8, draft->sorter_limit, draft->beside, &o->sorter);
+    set_grid(o, frame);
+    enum status status =
+        room_scratch(&draft->room, &o->cell_spool, draft->vertex_count * 8, &o->cells);
     if (status == STATUS_OK)
         status = memory_take_zeroed(draft->ctx, o->in_flight, sizeof *o->keys, &o->keys);
-    for (unsigned i = 0; i < o->in_flight && status == STATUS_OK; i++)
-        status = memory_take(draft->ctx, (size_t)1 << draft->slab_shift, 8, &o->keys[i]);
     return status;
 }
 
-static void release(struct ordering *o)
+/* Keys of all faces, sorted. */
+static enum status sort_keys(struct ordering *o)
+{
+    struct draft *draft = o->draft;
+    const size_t size = o->moves_faces ? sizeof(struct keyed_face) : sizeof(uint64_t);
+    enum status status = STATUS_OK;
+    if (o->cell_spool.map) {
+        status = sorter_open(draft->ctx, size, 8, room_left(&draft->room) / 4, draft->room.beside,
+                             &o->sorter);
+        return status == STATUS_OK ? look_up_keys(o) : status;
+    }
+    for (unsigned i = 0; i < o->in_flight && status == STATUS_OK; i++)
+        status = memory_take(draft->ctx, (size_t)1 << draft->slab_shift, 8, &o->keys[i]);
+    if (status == STATUS_OK)
+        status = sorter_open(draft->ctx, size, 8, room_left(&draft->room) / 2, draft->room.beside,
+                             &o->sorter);
+    if (status == STATUS_OK)
+        status = parallel_ordered(draft->ctx, draft->slab_count, o->in_flight, make_keys,
+                                  finish_keys, o);
+    return status;
+}
+
+static void release_keys(struct ordering *o)
 {
     struct context *ctx = o->draft->ctx;
     for (unsigned i = 0; o->keys && i < o->in_flight; i++)
         memory_release(ctx, &o->keys[i], (size_t)1 << o->draft->slab_shift, 8);
     memory_release(ctx, &o->keys, o->in_flight, sizeof *o->keys);
     spool_clear(&o->cell_spool);
-    sorter_close(&o->sorter);
 }
 
-enum status order_along_curve(struct draft *draft, const struct ingest *ingest,
-                              const struct frame *frame)
+enum status order_along_curve(struct draft *draft, const struct frame *frame)
 {
-    struct ordering o = {.draft = draft, .ingest = ingest, .in_flight = draft->ctx->threads + 1};
-    enum status status = prepare(&o);
-    if (status == STATUS_OK) {
-        set_grid(&o, frame);
-        status = parallel_for(draft->ctx, draft->slab_count, fill_cells, &o);
-    }
+    struct ordering o = {.draft = draft, .in_flight = draft->room.in_flight};
+    enum status status = prepare(&o, frame);
     if (status == STATUS_OK)
-        status =
-            parallel_ordered(draft->ctx, draft->slab_count, o.in_flight, make_keys, add_keys, &o);
-    spool_clear(&o.cell_spool);
+        status = parallel_ordered(draft->ctx, draft->slab_count, o.in_flight, fill_cells,
+                                  forget_vertices, &o);
+    if (status == STATUS_OK)
+        status = sort_keys(&o);
+    release_keys(&o);
     if (status == STATUS_OK)
         status = move_faces(&o);
-    release(&o);
+    sorter_close(&o.sorter);
     uint64_t degenerate;
     if (status == STATUS_OK)
         status = draft_number(draft, draft->vertex_count, NULL, NULL, 0, &degenerate);

@@ -21,7 +21,6 @@ bool order_is_scattered(const struct draft *draft);
 
 /* Sorts the faces along the Hilbert curve by their centres, ties in their order so far, and numbers
  * the draft anew. The draft has no adjacency before or after. */
-enum status order_along_curve(struct draft *draft, const struct ingest *ingest,
-                              const struct frame *frame) MUST_CHECK;
+enum status order_along_curve(struct draft *draft, const struct frame *frame) MUST_CHECK;
 
 #endif

@@ -71,10 +71,30 @@ static enum status mark_slab(void *user, uint64_t job, unsigned worker)
     return STATUS_OK;
 }
 
+static enum status forget_slab(void *user, uint64_t job)
+{
+    struct turning *t = user;
+    draft_forget_slab(t->draft, job);
+    spool_forget_all(&t->turn_spool);
+    return step(t->draft->ctx, "import: orient", job, t->draft->slab_count);
+}
+
 /* ---- surfaces that are not orientable ---- */
 
+/* The front of a spread may lie anywhere: after so many faces, what they brought in is forgotten.
+ */
+enum { FORGET_FACES = 64 };
+
+static void forget_all(const struct turning *t, const struct spool *queue_spool)
+{
+    draft_forget_all(t->draft);
+    spool_forget_all(&t->turn_spool);
+    spool_forget_all(queue_spool);
+}
+
 /* From face `start` on, breadth first; `queue` has room for all that are unknown. */
-static void spread(struct turning *t, uint32_t start, uint32_t *queue)
+static void spread(struct turning *t, uint32_t start, const struct spool *queue_spool,
+                   uint32_t *queue)
 {
     const struct draft *draft = t->draft;
     uint64_t head = 0, tail = 0;
@@ -82,6 +102,8 @@ static void spread(struct turning *t, uint32_t start, uint32_t *queue)
     queue[tail++] = start;
     while (head < tail) {
         uint32_t f = queue[head++];
+        if (head % FORGET_FACES == 0)
+            forget_all(t, queue_spool);
         for (unsigned k = 0; k < 3; k++) {
             uint32_t over = draft->neighbours[3 * (size_t)f + k];
             if (over == NO_INDEX || t->turn[over] != TURN_UNKNOWN)
@@ -99,16 +121,18 @@ static enum status spread_twisted(struct turning *t, struct orient_counts *count
     uint64_t unknown = 0;
     for (uint64_t f = 0; f < draft->face_count; f++)
         unknown += t->turn[f] == TURN_UNKNOWN;
+    spool_forget_all(&t->turn_spool);
     if (unknown == 0)
         return STATUS_OK;
     struct spool queue_spool = {0};
     uint32_t *queue;
-    enum status status = draft_scratch(draft, &queue_spool, unknown * sizeof *queue, &queue);
+    enum status status = room_scratch(&draft->room, &queue_spool, unknown * sizeof *queue, &queue);
     for (uint64_t f = 0; f < draft->face_count && status == STATUS_OK; f++) {
         if (t->turn[f] != TURN_UNKNOWN)
             continue;
         status = step(draft->ctx, "import: orient", f, draft->face_count);
-        spread(t, (uint32_t)f, queue);
+        forget_all(t, &queue_spool);
+        spread(t, (uint32_t)f, &queue_spool, queue);
         counts->twisted++;
     }
     spool_clear(&queue_spool);
@@ -130,9 +154,13 @@ static void cut_twisted(struct draft *draft, struct orient_counts *counts)
             draft->neighbours[3 * (uint64_t)over + mate] = NO_INDEX;
             mate_set(draft->mates, f, k, 0);
             mate_set(draft->mates, over, mate, 0);
-            counts->cut++;
+            if (counts->cut++ % FORGET_FACES == 0)
+                draft_forget_all(draft);
         }
+        if (f % FORGET_EVERY == 0)
+            draft_forget_all(draft);
     }
+    draft_forget_all(draft);
 }
 
 /* ---- turning ---- */
@@ -177,7 +205,7 @@ static enum status prepare(struct turning *t)
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, ctx->threads, sizeof *t->components, &t->components);
     if (status == STATUS_OK)
-        status = draft_scratch(t->draft, &t->turn_spool, t->draft->face_count, &t->turn);
+        status = room_scratch(&t->draft->room, &t->turn_spool, t->draft->face_count, &t->turn);
     return status;
 }
 
@@ -199,13 +227,16 @@ enum status orient_draft(struct draft *draft, struct survey *survey, struct orie
     uint64_t degenerate;
     enum status status = prepare(&t);
     if (status == STATUS_OK)
-        status = parallel_for(draft->ctx, draft->slab_count, mark_slab, &t);
+        status = parallel_ordered(draft->ctx, draft->slab_count, draft->room.in_flight, mark_slab,
+                                  forget_slab, &t);
     if (status == STATUS_OK)
         status = spread_twisted(&t, counts);
     if (status == STATUS_OK) {
         for (uint64_t f = 0; f < draft->face_count; f++)
             counts->flipped += t.turn[f];
-        status = parallel_for(draft->ctx, draft->slab_count, turn_slab, &t);
+        spool_forget_all(&t.turn_spool);
+        status = parallel_ordered(draft->ctx, draft->slab_count, draft->room.in_flight, turn_slab,
+                                  forget_slab, &t);
     }
     if (status == STATUS_OK && counts->twisted)
         cut_twisted(draft, counts);

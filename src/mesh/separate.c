@@ -14,6 +14,9 @@
 #include "base/external_sort.h"
 #include "base/memory.h"
 
+/* Fans and pairs may lie anywhere: after so many, what they brought in is forgotten. */
+enum { FORGET_PAIRS = 64 };
+
 /* ---- copies ---- */
 
 static void rename_fan(struct draft *draft, const struct fan_record *fan, uint32_t copy)
@@ -40,7 +43,8 @@ static enum status count_vertices(struct draft *draft, const struct fan_record *
                                   uint64_t count, uint64_t *split)
 {
     struct sorter *sorter = NULL;
-    enum status status = sorter_open(draft->ctx, 8, 8, draft->sorter_limit, draft->beside, &sorter);
+    enum status status =
+        sorter_open(draft->ctx, 8, 8, room_left(&draft->room) / 4, draft->room.beside, &sorter);
     for (uint64_t i = 0; i < count && status == STATUS_OK; i++) {
         uint64_t key = fans[i].vertex;
         status = sorter_add(sorter, &key, 1);
@@ -69,28 +73,38 @@ static void end_pair(struct draft *draft, const struct pair_group *group)
 static enum status add_sides(struct draft *draft, struct adjacency *cut, struct sorter *sorter)
 {
     void *data;
+    struct visits visits = {0};
     enum status status = spool_seal(&cut->cut_spool, &data);
+    if (status == STATUS_OK)
+        status =
+            visits_begin(&draft->room, &visits, &draft->face_spool, room_left(&draft->room) / 4);
     const struct edge_record *sides = data;
     for (uint64_t i = 0; i < cut->cut_count && status == STATUS_OK; i++) {
+        visit(&visits, sides[i].face * 12ull);
         const uint32_t *face = draft->faces + 3 * (size_t)sides[i].face;
         uint32_t a = face[sides[i].edge], b = face[next3((unsigned)sides[i].edge)];
         struct edge_record side = sides[i];
         side.key = a < b ? (uint64_t)a << 32 | b : (uint64_t)b << 32 | a;
         status = sorter_add(sorter, &side, 1);
+        if (i % FORGET_EVERY == 0)
+            spool_forget_all(&cut->cut_spool);
     }
+    spool_forget_all(&cut->cut_spool);
+    visits_end(&visits);
     return status;
 }
 
 static enum status link_again(struct draft *draft, struct adjacency *cut)
 {
     struct sorter *sorter = NULL;
-    enum status status = sorter_open(draft->ctx, sizeof(struct edge_record), 8, draft->sorter_limit,
-                                     draft->beside, &sorter);
+    enum status status = sorter_open(draft->ctx, sizeof(struct edge_record), 8,
+                                     room_left(&draft->room) / 4, draft->room.beside, &sorter);
     if (status == STATUS_OK)
         status = add_sides(draft, cut, sorter);
     if (status == STATUS_OK)
         status = sorter_finish(sorter);
     struct pair_group group = {.count = 0};
+    uint64_t pairs = 0;
     while (status == STATUS_OK) {
         const void *data;
         size_t got;
@@ -102,6 +116,8 @@ static enum status link_again(struct draft *draft, struct adjacency *cut)
             if (group.count && sides[i].key != group.first.key) {
                 end_pair(draft, &group);
                 group.count = 0;
+                if (++pairs % FORGET_PAIRS == 0)
+                    draft_forget_all(draft);
             }
             if (group.count == 2) {
                 status = fail(draft->ctx, STATUS_INTERNAL,
@@ -135,20 +151,23 @@ enum status separate_fans(struct draft *draft, struct survey *survey, struct adj
     enum status status = spool_seal(&survey->fan_spool, &data);
     const struct fan_record *fans = data;
     if (status == STATUS_OK)
-        status = draft_scratch(draft, &copy_spool, count * sizeof *copy_of, &copy_of);
+        status = room_scratch(&draft->room, &copy_spool, count * sizeof *copy_of, &copy_of);
     if (status == STATUS_OK)
         status = count_vertices(draft, fans, count, split);
     if (status == STATUS_OK) {
         for (uint64_t i = 0; i < count; i++) {
             copy_of[i] = fans[i].vertex;
             rename_fan(draft, &fans[i], (uint32_t)(base + i));
+            if (i % FORGET_PAIRS == 0)
+                draft_forget_all(draft);
         }
+        draft_forget_all(draft);
         *added += count;
         if (cut && cut->cut_count)
             status = link_again(draft, cut);
     }
     if (status == STATUS_OK)
-        status = draft_number(draft, base, NULL, copy_of, count, &degenerate);
+        status = draft_number(draft, base, &copy_spool, copy_of, count, &degenerate);
     spool_clear(&copy_spool);
     return status;
 }

@@ -21,7 +21,7 @@ static void widen(struct frame *frame, const double p[3])
     }
 }
 
-enum status frame_find(const struct draft *draft, const struct ingest *ingest, struct frame *frame)
+enum status frame_find(const struct draft *draft, struct frame *frame)
 {
     for (int i = 0; i < 3; i++) {
         frame->low[i] = INFINITY;
@@ -30,13 +30,12 @@ enum status frame_find(const struct draft *draft, const struct ingest *ingest, s
     }
     for (uint64_t v = 0; v < draft->vertex_count; v++) {
         double p[3];
-        ingest_position(ingest, draft->source ? draft->source[v] : v, p);
+        draft_position(draft, v, p);
         widen(frame, p);
-        if (v % FORGET_EVERY == 0) {
-            ingest_forget(ingest);
-            spool_forget_all(&draft->source_spool);
-        }
+        if (v % FORGET_EVERY == 0)
+            spool_forget_all(&draft->position_spool);
     }
+    spool_forget_all(&draft->position_spool);
     double extent = 0;
     for (int i = 0; i < 3; i++) {
         double side = frame->high[i] - frame->low[i];
@@ -44,7 +43,7 @@ enum status frame_find(const struct draft *draft, const struct ingest *ingest, s
             return fail(draft->ctx, STATUS_BAD_INPUT, "coordinates are not finite or too large");
         extent = side > extent ? side : extent;
     }
-    if (ingest_is_float32(ingest))
+    if (draft->is_float32)
         return STATUS_OK;
     /* Half the extent is the largest stored value: its float32 is off by 2^-25 of it at most, as
      * long as that is no subnormal number. */

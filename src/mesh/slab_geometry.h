@@ -5,7 +5,6 @@
 #define SPBM_MESH_SLAB_GEOMETRY_H
 
 #include "mesh/draft.h"
-#include "mesh/ingest.h"
 
 /* Where the mesh lies, and how positions are stored: origin + float32. */
 struct frame {
@@ -15,15 +14,14 @@ struct frame {
 };
 
 /* STATUS_BAD_INPUT if float32 around the origin can't hold the mesh to 2^-24 of its extent. */
-enum status frame_find(const struct draft *draft, const struct ingest *ingest,
-                       struct frame *frame) MUST_CHECK;
+enum status frame_find(const struct draft *draft, struct frame *frame) MUST_CHECK;
 
 /* Stored position of vertex v of the draft. */
-static inline void frame_position(const struct frame *frame, const struct draft *draft,
-                                  const struct ingest *ingest, uint64_t v, float out[3])
+static inline void frame_position(const struct frame *frame, const struct draft *draft, uint64_t v,
+                                  float out[3])
 {
     double p[3];
-    ingest_position(ingest, draft->source ? draft->source[v] : v, p);
+    draft_position(draft, v, p);
     for (int i = 0; i < 3; i++)
         out[i] = (float)(p[i] - frame->origin[i]);
 }

@@ -125,12 +125,14 @@ struct import_options {
     bool weld;          /* merge coincident vertices of indexed inputs too */
     bool sync;          /* fsync the store */
     unsigned slab_shift; /* for tests: slabs of 2^slab_shift faces, 2 to SLAB_SHIFT; 0: SLAB_SHIFT */
+    uint64_t working_memory; /* for tests: bytes for tables, sorts and spools together, in place of
+                                what the budget leaves for them; 0: not */
 };
 
 /*
- * The least context.memory_budget with which store_build succeeds with `threads` threads, for up to
- * `faces` faces (0: any number) whose vertices have attribute records of `stride` bytes: a sum of
- * buffers and windows whose sizes are constants, and a few bytes a slab.
+ * The least context.memory_budget with which store_build succeeds, whatever the order of its input,
+ * for up to `faces` faces (0: not known) whose vertices have attribute records of `stride` bytes:
+ * what room.h says. `threads` do not matter: as many slabs are worked on at a time as fit.
  */
 uint64_t store_build_least_memory(unsigned threads, uint64_t faces, uint32_t stride);
 

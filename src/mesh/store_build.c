@@ -99,7 +99,7 @@ static enum status take_feed(struct build *build)
 static enum status read_inputs(struct build *build)
 {
     enum status status = STATUS_OK;
-    ingest_init(build->ctx, &build->ingest, build->draft.beside, build->draft.spool_limit);
+    ingest_init(build->ctx, &build->ingest, &build->draft.room);
     if (build->feed)
         status = take_feed(build);
     for (size_t i = 0; i < build->input_count && status == STATUS_OK; i++)
@@ -121,30 +121,49 @@ static enum status has_no_faces(struct build *build, const char *why)
                 why);
 }
 
+/* What the ingest has becomes the draft's. */
+static enum status take_over(struct build *build)
+{
+    struct ingest *ingest = &build->ingest;
+    struct draft *draft = &build->draft;
+    draft->is_float32 = ingest->is_float32;
+    draft->record_size = ingest->attributes.stride;
+    draft->positions = ingest->positions;
+    draft->records = ingest->records;
+    draft->position_spool = ingest->position_spool;
+    draft->record_spool = ingest->record_spool;
+    memset(&ingest->position_spool, 0, sizeof ingest->position_spool);
+    memset(&ingest->record_spool, 0, sizeof ingest->record_spool);
+    return draft_adopt_faces(draft, &ingest->face_spool);
+}
+
 /* Weld, drop degenerate faces, number by first use. */
 static enum status take_faces(struct build *build)
 {
     struct ingest *ingest = &build->ingest;
     struct cleaning *cleaning = &build->info.cleaning;
+    struct draft *draft = &build->draft;
     struct spool merged_spool = {0};
     uint32_t *merged = NULL;
     if (ingest->face_count == 0)
         return has_no_faces(build, "");
-    enum status status = weld_find(ingest, build->options->weld, build->draft.sorter_limit,
-                                   &merged_spool, &merged, &cleaning->welded_vertices);
+    enum status status =
+        weld_find(ingest, build->options->weld, &merged_spool, &merged, &cleaning->welded_vertices);
     if (status == STATUS_OK)
-        status = draft_adopt_faces(&build->draft, &ingest->face_spool);
-    if (status == STATUS_OK)
-        status = draft_number(&build->draft, ingest->vertex_count, merged, NULL, 0,
-                              &cleaning->degenerate_faces);
+        status = take_over(build);
+    if (status == STATUS_OK && merged)
+        status = draft_map_corners(draft, &merged_spool, merged, ingest->vertex_count);
     spool_clear(&merged_spool);
+    if (status == STATUS_OK)
+        status =
+            draft_number(draft, ingest->vertex_count, NULL, NULL, 0, &cleaning->degenerate_faces);
     if (status != STATUS_OK)
         return status;
     cleaning->unreferenced_vertices =
         cleaning->input_vertices - cleaning->welded_vertices - build->draft.vertex_count;
     if (build->draft.face_count == 0)
         return has_no_faces(build, " but degenerate ones");
-    return frame_find(&build->draft, ingest, &build->frame);
+    return frame_find(&build->draft, &build->frame);
 }
 
 /* Adjacency in the input's order if that is local in space, else in Hilbert order. */
@@ -159,7 +178,7 @@ static enum status order_and_match(struct build *build, struct adjacency *adjace
         draft_forget_adjacency(draft);
     }
     build->info.cleaning.hilbert_ordered = 1;
-    enum status status = order_along_curve(draft, &build->ingest, &build->frame);
+    enum status status = order_along_curve(draft, &build->frame);
     if (status == STATUS_OK)
         status = adjacency_build(draft, UINT64_MAX, adjacency);
     return status;
@@ -170,12 +189,13 @@ static enum status match_faces(struct build *build, struct adjacency *adjacency)
 {
     struct draft *draft = &build->draft;
     enum status status = order_and_match(build, adjacency);
-    while (status == STATUS_OK && adjacency->duplicate_count) {
-        uint64_t degenerate;
-        build->info.cleaning.duplicate_faces += adjacency->duplicate_count;
-        draft_drop_faces(draft, adjacency->duplicates);
+    while (status == STATUS_OK && adjacency->has_duplicates) {
+        uint64_t degenerate, dropped;
+        status = draft_drop_faces(draft, adjacency->duplicates, &dropped);
+        build->info.cleaning.duplicate_faces += dropped;
         adjacency_clear(adjacency);
-        status = draft_number(draft, draft->vertex_count, NULL, NULL, 0, &degenerate);
+        if (status == STATUS_OK)
+            status = draft_number(draft, draft->vertex_count, NULL, NULL, 0, &degenerate);
         if (status == STATUS_OK)
             status = adjacency_build(draft, UINT64_MAX, adjacency);
     }
@@ -246,7 +266,7 @@ static void describe(struct build *build)
 {
     struct store_info *info = &build->info;
     info->attributes = build->ingest.attributes;
-    info->is_float32 = ingest_is_float32(&build->ingest);
+    info->is_float32 = build->draft.is_float32;
     info->slab_count = build->draft.slab_count;
     info->slab_shift = build->draft.slab_shift;
     info->welded = build->options->weld;
@@ -274,8 +294,7 @@ static enum status run(struct build *build, const char *store_path)
         status = clean(build);
     if (status == STATUS_OK) {
         describe(build);
-        status =
-            store_write(&build->draft, &build->ingest, &build->frame, &build->writer, &build->info);
+        status = store_write(&build->draft, &build->frame, &build->writer, &build->info);
     }
     if (status == STATUS_OK)
         return section_file_finish(&build->writer, build->options->sync);
@@ -283,12 +302,10 @@ static enum status run(struct build *build, const char *store_path)
     return status;
 }
 
-/* Measured with the steps as they are: what a thread's slab takes, and the fixed buffers. */
 uint64_t store_build_least_memory(unsigned threads, uint64_t faces, uint32_t stride)
 {
-    const uint64_t slab_vertices = SLAB_FACES; /* of an open, ragged mesh; a closed one has half */
-    uint64_t slabs = (faces >> SLAB_SHIFT) + 1;
-    return (16 << 20) + threads * ((12 << 20) + slab_vertices * stride) + slabs * 256;
+    (void)threads;
+    return room_least(SLAB_SHIFT, faces, stride);
 }
 
 static enum status build_store(struct build *build, const char *store_path, struct store_info *info)
@@ -296,7 +313,12 @@ static enum status build_store(struct build *build, const char *store_path, stru
     const unsigned shift = build->options->slab_shift;
     if (shift && (shift < STORE_SHIFT_MIN || shift > SLAB_SHIFT))
         return fail(build->ctx, STATUS_MISUSE, "slabs can't have 2^%u faces", shift);
-    draft_init(build->ctx, &build->draft, store_path, shift);
+    const uint64_t least = room_least(shift ? shift : SLAB_SHIFT, 0, 0);
+    if (build->ctx->memory_budget < least)
+        return fail(build->ctx, STATUS_NO_MEMORY,
+                    "import needs a memory budget of at least %llu bytes",
+                    (unsigned long long)(least + build->ctx->memory_aside));
+    draft_init(build->ctx, &build->draft, store_path, shift, build->options->working_memory);
     enum status status = run(build, store_path);
     draft_clear(&build->draft);
     ingest_clear(&build->ingest);

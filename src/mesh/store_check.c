@@ -70,7 +70,8 @@ static bool gaps_are_zero(const struct slab *slab, const struct store_info *info
 static enum status take_faces(struct check *check)
 {
     struct spool spool;
-    spool_init(check->ctx, &spool, check->draft.beside, check->draft.spool_limit);
+    spool_init(check->ctx, &spool, check->draft.room.beside,
+               room_spool_limit(&check->draft.room, 1));
     enum status status = STATUS_OK;
     for (uint32_t i = 0; i < check->info->slab_count && status == STATUS_OK; i++) {
         struct slab slab;
@@ -103,7 +104,7 @@ static enum status check_surface(struct check *check)
     enum status status = adjacency_build(&check->draft, UINT64_MAX, &adjacency);
     if (status != STATUS_OK)
         return status;
-    const bool has_duplicates = adjacency.duplicate_count, has_cuts = adjacency.cut_count;
+    const bool has_duplicates = adjacency.has_duplicates, has_cuts = adjacency.cut_count;
     adjacency_clear(&adjacency);
     if (has_duplicates)
         return store_damaged(check->store, "two faces have the same vertices");
@@ -197,6 +198,7 @@ static enum status check_slabs(struct check *check)
             break;
         status = check_slab(check, &slab, &scope);
         slab_close(&slab);
+        draft_forget_slab(&check->draft, i);
     }
     scope_clear(&scope);
     return status;
@@ -228,7 +230,7 @@ enum status store_check(struct context *ctx, const char *path)
     if (status != STATUS_OK)
         return status;
     check.info = store_info(check.store);
-    draft_init(ctx, &check.draft, path, check.info->slab_shift);
+    draft_init(ctx, &check.draft, path, check.info->slab_shift, 0);
     for (int i = 0; i < 3; i++) {
         check.low[i] = INFINITY;
         check.high[i] = -INFINITY;

@@ -12,7 +12,7 @@
 #include "base/parallel.h"
 #include "mesh/store_layout.h"
 
-enum { PIECES = 7 };
+enum { PIECES = 7, FOREIGN_BYTES = 2 << 20 };
 
 struct piece {
     const void *data;
@@ -22,12 +22,11 @@ struct piece {
 
 struct block { /* a slab in flight */
     struct slab_scope scope;
+    const float *own; /* positions: those of the draft, or `positions` */
     float *positions;
     size_t positions_capacity;
     float *foreign_positions;
     size_t foreign_capacity;
-    unsigned char *records;
-    size_t record_capacity;
     struct piece pieces[PIECES];
     struct slab_measures measures;
     struct slab_entry entry;
@@ -36,7 +35,6 @@ struct block { /* a slab in flight */
 
 struct writing {
     struct draft *draft;
-    const struct ingest *ingest;
     const struct frame *frame;
     struct section_writer *writer;
     struct block *blocks;
@@ -50,32 +48,36 @@ static const unsigned char zeros[STORE_PIECE_ALIGN];
 
 /* ---- in a worker ---- */
 
+/* Positions as they are stored. Those of the slab's own vertices lie in the draft, and are taken
+ * from there if they are what is stored; the foreign ones, few, lie anywhere before. */
 static enum status gather(struct writing *w, struct block *b)
 {
-    struct context *ctx = w->draft->ctx;
+    const struct draft *draft = w->draft;
+    struct context *ctx = draft->ctx;
     const struct slab_scope *scope = &b->scope;
-    const size_t stride = w->ingest->attributes.stride;
-    enum status status = memory_reserve(ctx, &b->positions, &b->positions_capacity,
-                                        3 * (size_t)scope->own_count, sizeof(float));
+    struct visits visits;
+    enum status status = STATUS_OK;
+    if (draft->is_float32) {
+        b->own = (const float *)draft->positions + 3 * (size_t)scope->vertex_first;
+    } else {
+        status = memory_reserve(ctx, &b->positions, &b->positions_capacity,
+                                3 * (size_t)scope->own_count, sizeof(float));
+        for (uint32_t i = 0; i < scope->own_count && status == STATUS_OK; i++)
+            frame_position(w->frame, draft, scope->vertex_first + i, b->positions + 3 * (size_t)i);
+        b->own = b->positions;
+    }
     if (status == STATUS_OK)
         status = memory_reserve(ctx, &b->foreign_positions, &b->foreign_capacity,
                                 3 * (size_t)scope->foreign_count, sizeof(float));
     if (status == STATUS_OK)
-        status =
-            memory_reserve(ctx, &b->records, &b->record_capacity, scope->own_count * stride, 1);
+        status = visits_begin(&draft->room, &visits, &draft->position_spool, FOREIGN_BYTES);
     if (status != STATUS_OK)
         return status;
-    for (uint32_t i = 0; i < scope->own_count; i++)
-        frame_position(w->frame, w->draft, w->ingest, scope->vertex_first + i,
-                       b->positions + 3 * (size_t)i);
-    for (uint32_t i = 0; i < scope->foreign_count; i++)
-        frame_position(w->frame, w->draft, w->ingest, scope->foreign[i],
-                       b->foreign_positions + 3 * (size_t)i);
-    for (uint32_t i = 0; stride && i < scope->own_count; i++) {
-        uint32_t v = scope->vertex_first + i;
-        ingest_record(w->ingest, w->draft->source ? w->draft->source[v] : v,
-                      b->records + i * stride);
+    for (uint32_t i = 0; i < scope->foreign_count; i++) {
+        visit(&visits, scope->foreign[i] * draft_position_size(draft));
+        frame_position(w->frame, draft, scope->foreign[i], b->foreign_positions + 3 * (size_t)i);
     }
+    visits_end(&visits);
     return STATUS_OK;
 }
 
@@ -90,15 +92,16 @@ static void lay_out(struct writing *w, struct block *b)
                                    .foreign_count = scope->foreign_count,
                                    .face_count = scope->face_count};
     struct slab_layout *at = &b->layout;
-    slab_layout_find(&b->entry, w->ingest->attributes.stride, at);
+    slab_layout_find(&b->entry, draft->record_size, at);
     struct piece *p = b->pieces;
     p[0] = (struct piece){draft->faces + 3 * first, 12 * faces, at->faces};
     p[1] = (struct piece){draft->neighbours + 3 * first, 12 * faces, at->neighbours};
     p[2] = (struct piece){draft->mates + first, faces, at->mates};
-    p[3] = (struct piece){b->positions, 12 * own, at->positions};
+    p[3] = (struct piece){b->own, 12 * own, at->positions};
     p[4] = (struct piece){scope->foreign, 4 * foreign, at->foreign};
     p[5] = (struct piece){b->foreign_positions, 12 * foreign, at->foreign_positions};
-    p[6] = (struct piece){b->records, own * w->ingest->attributes.stride, at->records};
+    p[6] = (struct piece){draft->records + scope->vertex_first * (size_t)draft->record_size,
+                          own * draft->record_size, at->records};
 }
 
 /* Bytes of padding behind piece i. */
@@ -119,7 +122,7 @@ static enum status prepare_block(void *user, uint64_t job, unsigned worker)
         status = gather(w, b);
     if (status != STATUS_OK)
         return status;
-    measure_slab(w->draft, &b->scope, b->positions, b->foreign_positions, &b->measures);
+    measure_slab(w->draft, &b->scope, b->own, b->foreign_positions, &b->measures);
     lay_out(w, b);
     uint32_t crc = 0;
     for (int i = 0; i < PIECES; i++) {
@@ -148,8 +151,8 @@ static enum status append_block(void *user, uint64_t job)
             status = section_append(w->writer, zeros, gap_behind(b, i));
     }
     draft_forget_slab(w->draft, job);
-    spool_forget_all(&w->draft->source_spool);
-    ingest_forget(w->ingest);
+    spool_forget_all(&w->draft->position_spool);
+    spool_forget_all(&w->draft->record_spool);
     if (status == STATUS_OK)
         status = step(w->draft->ctx, "import: write", job, w->draft->slab_count);
     return status;
@@ -199,21 +202,17 @@ static void release(struct writing *w)
         scope_clear(&b->scope);
         memory_release(ctx, &b->positions, b->positions_capacity, sizeof(float));
         memory_release(ctx, &b->foreign_positions, b->foreign_capacity, sizeof(float));
-        memory_release(ctx, &b->records, b->record_capacity, 1);
     }
     memory_release(ctx, &w->blocks, w->in_flight, sizeof *w->blocks);
     memory_release(ctx, &w->table, w->draft->slab_count, STORE_SLAB_ENTRY_SIZE);
 }
 
-enum status store_write(struct draft *draft, const struct ingest *ingest, const struct frame *frame,
+enum status store_write(struct draft *draft, const struct frame *frame,
                         struct section_writer *writer, struct store_info *info)
 {
     struct context *ctx = draft->ctx;
-    struct writing w = {.draft = draft,
-                        .ingest = ingest,
-                        .frame = frame,
-                        .writer = writer,
-                        .in_flight = ctx->threads + 1};
+    struct writing w = {
+        .draft = draft, .frame = frame, .writer = writer, .in_flight = draft->room.in_flight};
     enum status status = memory_take_zeroed(ctx, w.in_flight, sizeof *w.blocks, &w.blocks);
     if (status == STATUS_OK)
         status = memory_take(ctx, draft->slab_count, STORE_SLAB_ENTRY_SIZE, &w.table);
@@ -223,7 +222,7 @@ enum status store_write(struct draft *draft, const struct ingest *ingest, const 
         status = write_section(writer, STORE_KIND_TABLE, w.table,
                                (size_t)draft->slab_count * STORE_SLAB_ENTRY_SIZE);
     if (status == STATUS_OK)
-        status = write_attributes(ctx, &ingest->attributes, writer);
+        status = write_attributes(ctx, &info->attributes, writer);
     if (status == STATUS_OK) {
         info->mean_edge = measures_mean_edge(&w.measures);
         info->noise = measures_noise(&w.measures);

@@ -11,7 +11,7 @@
  * Writes all sections. `info` is complete but for what is measured here: mean_edge, noise, area,
  * zero-area faces. The file is not finished.
  */
-enum status store_write(struct draft *draft, const struct ingest *ingest, const struct frame *frame,
+enum status store_write(struct draft *draft, const struct frame *frame,
                         struct section_writer *writer, struct store_info *info) MUST_CHECK;
 
 #endif

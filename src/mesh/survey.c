@@ -209,7 +209,8 @@ static enum status list_rim_fans(struct work *work)
     struct draft *draft = work->draft;
     struct survey *survey = work->survey;
     struct sorter *sorter = NULL;
-    enum status status = sorter_open(draft->ctx, 8, 8, draft->sorter_limit, draft->beside, &sorter);
+    enum status status =
+        sorter_open(draft->ctx, 8, 8, room_left(&draft->room) / 4, draft->room.beside, &sorter);
     for (uint64_t i = 0; i < work->rim_count && status == STATUS_OK; i++) {
         uint64_t key = (uint64_t)work->rims[i].vertex << 32 | i;
         if (work->rims[i].up == i)
@@ -267,7 +268,7 @@ static enum status join_paths(struct work *work)
     struct survey *survey = work->survey;
     const uint64_t count = sorter_count(work->paths);
     struct spool spool;
-    spool_init(draft->ctx, &spool, draft->beside, draft->spool_limit);
+    spool_init(draft->ctx, &spool, draft->room.beside, room_spool_limit(&draft->room, 4));
     enum status status = sorter_finish(work->paths);
     for (size_t got = 1; status == STATUS_OK && got;) {
         const void *data;
@@ -341,9 +342,9 @@ static enum status prepare(struct work *work)
     struct draft *draft = work->draft;
     struct survey *survey = work->survey;
     struct context *ctx = draft->ctx;
-    spool_init(ctx, &survey->fan_spool, draft->beside, draft->spool_limit);
-    spool_init(ctx, &survey->open_spool, draft->beside, draft->spool_limit);
-    spool_init(ctx, &work->rim_spool, draft->beside, draft->spool_limit);
+    spool_init(ctx, &survey->fan_spool, draft->room.beside, room_spool_limit(&draft->room, 4));
+    spool_init(ctx, &survey->open_spool, draft->room.beside, room_spool_limit(&draft->room, 4));
+    spool_init(ctx, &work->rim_spool, draft->room.beside, room_spool_limit(&draft->room, 4));
     enum status status = memory_take_zeroed(ctx, (size_t)draft->slab_count + 1,
                                             sizeof *survey->open_first, &survey->open_first);
     if (status == STATUS_OK)
@@ -353,11 +354,11 @@ static enum status prepare(struct work *work)
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, work->in_flight, sizeof *work->parts, &work->parts);
     if (status == STATUS_OK)
-        status = sorter_open(ctx, sizeof(struct half_link), 8, draft->sorter_limit, draft->beside,
-                             &work->links);
+        status = sorter_open(ctx, sizeof(struct half_link), 8, draft->room.sorter,
+                             draft->room.beside, &work->links);
     if (status == STATUS_OK)
-        status = sorter_open(ctx, sizeof(struct border_path), 8, draft->sorter_limit, draft->beside,
-                             &work->paths);
+        status = sorter_open(ctx, sizeof(struct border_path), 8, draft->room.sorter,
+                             draft->room.beside, &work->paths);
     return status;
 }
 
@@ -379,7 +380,7 @@ enum status survey_draft(struct draft *draft, struct survey *survey)
 {
     memset(survey, 0, sizeof *survey);
     survey->ctx = draft->ctx;
-    struct work work = {.draft = draft, .survey = survey, .in_flight = 2 * draft->ctx->threads};
+    struct work work = {.draft = draft, .survey = survey, .in_flight = draft->room.in_flight};
     enum status status = prepare(&work);
     if (status == STATUS_OK)
         status = parallel_ordered(draft->ctx, draft->slab_count, work.in_flight, survey_job,

@@ -8,11 +8,11 @@
 
 /*
  * Finds the vertices of the soup inputs (of all inputs if `all`) that coincide: the same
- * coordinates bit for bit, where -0 counts as 0. The lowest of a group stays. *merged (in `spool`)
- * tells for each vertex which one stands for it; *welded counts those that do not stand for
- * themselves. When nothing has to be welded, *merged is NULL.
+ * coordinates bit for bit, where -0 counts as 0. The lowest of a group stays. *merged (in `spool`,
+ * all zero before) tells for each vertex which one stands for it; *welded counts those that do not
+ * stand for themselves. When nothing has to be welded, *merged is NULL.
  */
-enum status weld_find(struct ingest *ingest, bool all, uint64_t sorter_limit, struct spool *spool,
-                      uint32_t **merged, uint64_t *welded) MUST_CHECK;
+enum status weld_find(struct ingest *ingest, bool all, struct spool *spool, uint32_t **merged,
+                      uint64_t *welded) MUST_CHECK;
 
 #endif

@@ -19,7 +19,7 @@ struct place {
     char input[TEST_PATH];
     char store[TEST_PATH];
     char output[TEST_PATH];
-    uint64_t memory_budget;
+    uint64_t working_memory;
     bool weld;
 };
 
@@ -57,7 +57,6 @@ static int set_up(void **state)
     struct shape shape = messy_shape();
     shape_write(&shape, SHAPE_PLY_LITTLE, place->input);
     shape_free(&shape);
-    place->memory_budget = UINT64_MAX;
     *state = place;
     return 0;
 }
@@ -78,7 +77,6 @@ static void fail_everywhere(struct place *place, job_function *job, const char *
         struct context ctx;
         context_init(&ctx);
         ctx.fault_after = after;
-        ctx.memory_budget = place->memory_budget;
         if (made)
             remove(made);
         const int files = folder_count(place->folder);
@@ -107,7 +105,10 @@ static void fail_everywhere(struct place *place, job_function *job, const char *
 static enum status build(struct context *ctx, struct place *place)
 {
     const char *input = place->input;
-    struct import_options options = {.slab_shift = 5, .weld = place->weld, .sync = true};
+    struct import_options options = {.slab_shift = 5,
+                                     .weld = place->weld,
+                                     .sync = place->working_memory == 0,
+                                     .working_memory = place->working_memory};
     return store_build(ctx, &input, 1, place->store, &options, NULL);
 }
 
@@ -150,7 +151,7 @@ static void building_in_memory(void **state)
 static void building_on_disk(void **state)
 {
     struct place *place = *state;
-    place->memory_budget = 3 << 20;
+    place->working_memory = 32 << 10;
     fail_everywhere(place, build, place->store);
 }
 

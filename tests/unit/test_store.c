@@ -472,14 +472,16 @@ static void threads_and_budgets_change_no_byte(void **state)
     shape_free(&shape);
     unsigned char *first = NULL;
     size_t first_size = 0;
-    for (int run = 0; run < 6; run++) {
-        const char *output = test_path("t.store");
+    const char *output = test_path("t.store");
+    for (int run = 0; run < 7; run++) {
         struct context ctx;
         context_init(&ctx);
         ctx.threads = run == 0 ? 1 : (unsigned)run + 1;
-        if (run >= 3)
-            ctx.memory_budget = (uint64_t)(run - 2) << 22; /* spools and sorts go to disk */
         struct import_options options = {.slab_shift = 9};
+        if (run == 3)
+            ctx.memory_budget = 9 << 20;
+        if (run > 3) /* spools and sorts go to disk, tables are read in windows or by buckets */
+            options.working_memory = (uint64_t)1 << (29 - 3 * run);
         if (store_build(&ctx, &input, 1, output, &options, NULL) != STATUS_OK)
             fail_msg("run %d: %s", run, ctx.error);
         size_t size;
@@ -495,6 +497,19 @@ static void threads_and_budgets_change_no_byte(void **state)
         context_clear(&ctx);
     }
     free(first);
+}
+
+static void too_little_memory_is_refused_at_once(void **state)
+{
+    (void)state;
+    const char *input = test_path("is-not-there.ply"), *output = test_path("t.store");
+    struct context ctx;
+    context_init(&ctx);
+    ctx.memory_budget = store_build_least_memory(1, 0, 0) - 1;
+    struct import_options options = {0};
+    assert_int_equal(store_build(&ctx, &input, 1, output, &options, NULL), STATUS_NO_MEMORY);
+    assert_non_null(strstr(ctx.error, "needs a memory budget of at least"));
+    context_clear(&ctx);
 }
 
 static void a_store_takes_at_most_72_bytes_a_vertex(void **state)
@@ -528,6 +543,7 @@ int main(void)
         cmocka_unit_test(measures_of_a_known_mesh),
         cmocka_unit_test(zero_area_faces_stay),
         cmocka_unit_test(threads_and_budgets_change_no_byte),
+        cmocka_unit_test(too_little_memory_is_refused_at_once),
         cmocka_unit_test(a_store_takes_at_most_72_bytes_a_vertex),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

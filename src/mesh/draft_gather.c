@@ -1,0 +1,197 @@
+/*
+ * Vertex data in a new order, and corners by a table: two walks that look up much.
+ */
+#include "mesh/draft.h"
+
+#include <string.h>
+
+#include "base/memory.h"
+#include "mesh/lookup.h"
+
+enum { BATCH_BYTES = 16 << 10 };
+
+/* ---- vertex data ---- */
+
+struct gathering { /* of one array */
+    struct draft *draft;
+    const struct spool *id_spool;
+    const uint32_t *ids;
+    uint64_t next_count;
+    uint64_t base_count;
+    const uint32_t *copy_of;
+    struct visits copy_visits;
+    struct lookup lookup;
+    struct spool to;
+    size_t size; /* of an element */
+    unsigned char batch[BATCH_BYTES];
+    size_t used;
+};
+
+static inline uint32_t old_vertex(struct gathering *g, uint64_t v)
+{
+    uint32_t id = g->ids[v];
+    if (id < g->base_count)
+        return id;
+    visit(&g->copy_visits, (id - g->base_count) * sizeof *g->copy_of);
+    return g->copy_of[id - g->base_count];
+}
+
+static enum status flush(struct gathering *g)
+{
+    size_t used = g->used;
+    g->used = 0;
+    return spool_append(&g->to, g->batch, used);
+}
+
+/* Room for one more element; an element that is larger than the batch goes straight on. */
+static inline enum status put(struct gathering *g, const void *element)
+{
+    if (g->used + g->size > sizeof g->batch) {
+        enum status status = flush(g);
+        if (status != STATUS_OK)
+            return status;
+    }
+    memcpy(g->batch + g->used, element, g->size);
+    g->used += g->size;
+    return STATUS_OK;
+}
+
+static enum status gather_now(struct gathering *g, bool *is_done)
+{
+    enum status status = STATUS_OK;
+    uint64_t v = 0;
+    for (; v < g->next_count && status == STATUS_OK && !lookup_is_scattered(&g->lookup); v++) {
+        status = put(g, lookup_now(&g->lookup, old_vertex(g, v)));
+        if (v % FORGET_EVERY == 0)
+            spool_forget(g->id_spool, 0, v * 4);
+    }
+    *is_done = v == g->next_count;
+    return status;
+}
+
+static enum status gather_by_buckets(struct gathering *g)
+{
+    unsigned char element[512 + 64];
+    enum status status = lookup_ask_begin(&g->lookup);
+    for (uint64_t v = 0; v < g->next_count && status == STATUS_OK; v++) {
+        status = lookup_ask(&g->lookup, old_vertex(g, v));
+        if (v % FORGET_EVERY == 0)
+            spool_forget(g->id_spool, 0, v * 4);
+    }
+    if (status == STATUS_OK)
+        status = lookup_answer(&g->lookup);
+    for (uint64_t v = 0; v < g->next_count && status == STATUS_OK; v++) {
+        status = lookup_next(&g->lookup, old_vertex(g, v), element);
+        if (status == STATUS_OK)
+            status = put(g, element);
+        if (v % FORGET_EVERY == 0)
+            spool_forget(g->id_spool, 0, v * 4);
+    }
+    return status;
+}
+
+/* The array in `spool` takes the new order. */
+static enum status gather_array(struct gathering *g, struct spool *spool, void *data, size_t size,
+                                void **result)
+{
+    struct draft *draft = g->draft;
+    bool is_done = false;
+    g->size = size;
+    g->used = 0;
+    spool_init(draft->ctx, &g->to, draft->room.beside, room_spool_limit(&draft->room, 3));
+    enum status status =
+        lookup_open(&draft->room, &g->lookup, spool, data, size, spool->size / size);
+    if (status == STATUS_OK)
+        status = gather_now(g, &is_done);
+    if (status == STATUS_OK && !is_done) {
+        spool_clear(&g->to);
+        g->used = 0;
+        spool_init(draft->ctx, &g->to, draft->room.beside, room_spool_limit(&draft->room, 3));
+        status = gather_by_buckets(g);
+    }
+    lookup_close(&g->lookup);
+    if (status == STATUS_OK)
+        status = flush(g);
+    if (status == STATUS_OK)
+        status = spool_seal(&g->to, result);
+    if (status == STATUS_OK) {
+        spool_clear(spool);
+        *spool = g->to;
+        memset(&g->to, 0, sizeof g->to);
+    }
+    spool_clear(&g->to);
+    return status;
+}
+
+enum status draft_gather(struct draft *draft, const struct spool *id_spool, const uint32_t *ids,
+                         uint64_t next_count, uint64_t base_count, const struct spool *copy_spool,
+                         const uint32_t *copy_of)
+{
+    struct context *ctx = draft->ctx;
+    struct gathering *g;
+    enum status status = memory_take_zeroed(ctx, 1, sizeof *g, &g);
+    if (status != STATUS_OK)
+        return status;
+    g->draft = draft;
+    g->id_spool = id_spool;
+    g->ids = ids;
+    g->next_count = next_count;
+    g->base_count = base_count;
+    g->copy_of = copy_of;
+    if (copy_of)
+        status =
+            visits_begin(&draft->room, &g->copy_visits, copy_spool, room_left(&draft->room) / 8);
+    void *data;
+    if (status == STATUS_OK)
+        status = gather_array(g, &draft->position_spool, draft->positions,
+                              draft_position_size(draft), &data);
+    if (status == STATUS_OK)
+        draft->positions = data;
+    if (status == STATUS_OK && draft->records) {
+        status = gather_array(g, &draft->record_spool, draft->records, draft->record_size, &data);
+        if (status == STATUS_OK)
+            draft->records = data;
+    }
+    visits_end(&g->copy_visits);
+    memory_release(ctx, &g, 1, sizeof *g);
+    return status;
+}
+
+/* ---- corners ---- */
+
+static enum status map_by_buckets(struct draft *draft, struct lookup *lookup, uint64_t first)
+{
+    enum status status = lookup_ask_begin(lookup);
+    for (uint64_t c = first; c < 3 * draft->face_count && status == STATUS_OK; c++) {
+        status = lookup_ask(lookup, draft->faces[c]);
+        if (c % FORGET_EVERY == 0)
+            spool_forget(&draft->face_spool, 0, c * 4);
+    }
+    if (status == STATUS_OK)
+        status = lookup_answer(lookup);
+    for (uint64_t c = first; c < 3 * draft->face_count && status == STATUS_OK; c++) {
+        status = lookup_next(lookup, draft->faces[c], &draft->faces[c]);
+        if (c % FORGET_EVERY == 0)
+            spool_forget(&draft->face_spool, 0, c * 4);
+    }
+    return status;
+}
+
+enum status draft_map_corners(struct draft *draft, const struct spool *spool, const uint32_t *table,
+                              uint64_t count)
+{
+    struct lookup lookup;
+    uint64_t c = 0;
+    enum status status = lookup_open(&draft->room, &lookup, spool, table, sizeof *table, count);
+    for (; c < 3 * draft->face_count && status == STATUS_OK && !lookup_is_scattered(&lookup); c++) {
+        const uint32_t *found = lookup_now(&lookup, draft->faces[c]);
+        draft->faces[c] = *found;
+        if (c % FORGET_EVERY == 0)
+            spool_forget(&draft->face_spool, 0, c * 4);
+    }
+    if (status == STATUS_OK && c < 3 * draft->face_count)
+        status = map_by_buckets(draft, &lookup, c);
+    lookup_close(&lookup);
+    spool_forget_all(&draft->face_spool);
+    return status;
+}
