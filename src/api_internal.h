@@ -9,6 +9,7 @@
 
 #include "base/report.h"
 #include "inspect/quality.h"
+#include "mesh/estimate.h"
 #include "mesh/store.h"
 #include "simplify/simplify.h"
 #include "simplify/topology.h"
@@ -46,6 +47,9 @@ const char *stage_name(enum run_stage stage);
 uint64_t stage_least_memory(enum run_stage stage, const struct run_size *size, unsigned threads);
 /* Sets the context's limits to what `threads` threads leave of `memory`. */
 void budget_begin(struct context *ctx, uint64_t memory, unsigned threads);
+/* As many of the job's threads as fit, at least one. */
+unsigned fitting_threads(const struct spbm_job *job, enum run_stage stage,
+                         const struct run_size *size);
 /* STATUS_NO_MEMORY, with what is needed, if a stage from `first` to `last` cannot do even with one
  * thread. */
 enum status stages_fit(struct spbm_job *job, enum run_stage first, enum run_stage last,
@@ -109,6 +113,12 @@ enum status check_levels(struct context *ctx, const char *const *inputs, size_t 
                          const char *output, const spbm_target *target,
                          const spbm_lod_options *options) MUST_CHECK;
 enum status check_patch_options(struct context *ctx, const spbm_patch_options *options) MUST_CHECK;
+
+/* All that can be known of a whole run before it begins: are the options good, does it fit? Fills
+ * in what the inputs claim of their size; the estimates are summed. */
+enum status check_simplify(struct spbm_job *job, const char *const *inputs, size_t input_count,
+                           const char *output, const spbm_simplify_options *options,
+                           struct run_size *size, struct mesh_estimate *sum) MUST_CHECK;
 
 enum status check_topology(struct context *ctx, const spbm_topology_options *options) MUST_CHECK;
 

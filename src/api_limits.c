@@ -87,13 +87,20 @@ enum status stages_fit(struct spbm_job *job, enum run_stage first, enum run_stag
     return most > memory ? refuse(&job->ctx, memory, neediest, most) : STATUS_OK;
 }
 
+unsigned fitting_threads(const struct spbm_job *job, enum run_stage stage,
+                         const struct run_size *size)
+{
+    unsigned threads = job->settings.threads;
+    while (threads > 1 && stage_least_memory(stage, size, threads) > job_memory(job))
+        threads--;
+    return threads;
+}
+
 enum status stage_begin(struct spbm_job *job, enum run_stage stage, const struct run_size *size)
 {
     struct context *ctx = &job->ctx;
     uint64_t memory = job_memory(job);
-    unsigned wanted = job->settings.threads, threads = wanted;
-    while (threads > 1 && stage_least_memory(stage, size, threads) > memory)
-        threads--;
+    unsigned wanted = job->settings.threads, threads = fitting_threads(job, stage, size);
     uint64_t needed = stage_least_memory(stage, size, threads);
     if (needed > memory)
         return refuse(ctx, memory, stage, needed);

@@ -11,7 +11,6 @@
 
 #include "api_resume.h"
 #include "base/file.h"
-#include "mesh/estimate.h"
 
 static const char RAW_NAME[] = "raw.store", STORE_NAME[] = "mesh.store";
 static const char CHAINS_NAME[] = "mesh.chains";
@@ -240,33 +239,46 @@ static enum status run_again_if_damaged(struct run *run)
 /* ---- the run ---- */
 
 /* What the inputs claim of their size, so that too little memory is told before they are read. */
-static enum status estimate_size(struct run *run)
+static enum status estimate_size(struct spbm_job *job, const char *const *inputs, size_t count,
+                                 struct run_size *size, struct mesh_estimate *sum)
 {
-    run->size.target = make_target(&run->options->target);
-    for (size_t i = 0; i < run->input_count; i++) {
+    *sum = (struct mesh_estimate){.is_counted = true};
+    for (size_t i = 0; i < count; i++) {
         struct mesh_estimate one;
-        enum status status = mesh_estimate(run->ctx, run->inputs[i], &one);
+        enum status status = mesh_estimate(&job->ctx, inputs[i], &one);
         if (status != STATUS_OK)
             return status;
-        run->size.faces += one.faces;
-        run->size.stride = one.stride > run->size.stride ? one.stride : run->size.stride;
+        sum->file_size += one.file_size;
+        sum->faces += one.faces;
+        sum->vertices += one.vertices;
+        sum->stride = one.stride > sum->stride ? one.stride : sum->stride;
+        sum->is_text |= one.is_text;
+        sum->is_gzip |= one.is_gzip;
+        sum->is_soup |= one.is_soup;
+        sum->is_counted &= one.is_counted;
     }
-    return stages_fit(run->job, STAGE_IMPORT, STAGE_LOD, &run->size);
+    size->faces = sum->faces;
+    size->stride = sum->stride;
+    return stages_fit(job, STAGE_IMPORT, STAGE_LOD, size);
 }
 
-static enum status check_run(struct run *run)
+enum status check_simplify(struct spbm_job *job, const char *const *inputs, size_t input_count,
+                           const char *output, const spbm_simplify_options *options,
+                           struct run_size *size, struct mesh_estimate *sum)
 {
-    const spbm_simplify_options *options = run->options;
-    enum status status = check_levels(run->ctx, run->inputs, run->input_count, run->output,
-                                      &options->target, &options->lod);
+    struct context *ctx = &job->ctx;
+    enum status status =
+        check_levels(ctx, inputs, input_count, output, &options->target, &options->lod);
     if (status == STATUS_OK)
-        status = check_patch_options(run->ctx, &options->patch);
+        status = check_patch_options(ctx, &options->patch);
     if (status == STATUS_OK && options->topology)
-        status = check_topology(run->ctx, options->topology);
+        status = check_topology(ctx, options->topology);
     if (status == STATUS_OK && options->keep_dir && options->resume_dir)
-        status =
-            fail(run->ctx, STATUS_MISUSE, "a run keeps its files or can be resumed, but not both");
-    return status == STATUS_OK ? estimate_size(run) : status;
+        status = fail(ctx, STATUS_MISUSE, "a run keeps its files or can be resumed, but not both");
+    if (status != STATUS_OK)
+        return status;
+    size->target = make_target(&options->target);
+    return estimate_size(job, inputs, input_count, size, sum);
 }
 
 static enum status open_folder(struct run *run)
@@ -338,7 +350,8 @@ spbm_status spbm_simplify(spbm_job *job, const char *const *inputs, size_t input
     memset(run.report, 0, sizeof *run.report);
     workspace_init(&run.work, ctx);
 
-    enum status status = check_run(&run);
+    struct mesh_estimate sum;
+    enum status status = check_simplify(job, inputs, input_count, output, options, &run.size, &sum);
     if (status == STATUS_OK)
         status = open_places(&run);
     if (status == STATUS_OK)

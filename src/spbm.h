@@ -541,6 +541,30 @@ SPBM_API spbm_status spbm_simplify(spbm_job *job, const char *const *inputs, siz
                                    const char *output, const spbm_simplify_options *options,
                                    spbm_simplify_report *report);
 
+/* What a run is expected to take. */
+typedef struct spbm_plan {
+    uint64_t faces, vertices; /* of the inputs; a soup's vertices as after welding */
+    int is_counted;           /* the inputs tell their faces; else scaled up from their beginnings */
+    double seconds;           /* wall, of all stages; right to a factor of about two */
+    spbm_stage stages[3];     /* of each: name, wall_seconds and threads; all else is 0 */
+    uint64_t temporary_bytes; /* on the disk at most, while the run lasts */
+    uint64_t output_bytes;    /* as binary PLY */
+    uint64_t free_bytes;      /* now, where temporary files go; 0: not known */
+    uint64_t memory_peak;     /* of the process, within the budget */
+    uint64_t memory_least;    /* the least budget that would do */
+    uint64_t reserved[8];
+} spbm_plan;
+
+/*
+ * Foretells what spbm_simplify with the same arguments takes. Nothing is read but the inputs'
+ * beginnings, and nothing is written. Fails where spbm_simplify would at once: SPBM_MISUSE,
+ * SPBM_NO_MEMORY (the budget is below memory_least, which the words tell), and SPBM_BAD_INPUT for
+ * what is no mesh.
+ */
+SPBM_API spbm_status spbm_simplify_plan(spbm_job *job, const char *const *inputs, size_t input_count,
+                                        const char *output, const spbm_simplify_options *options,
+                                        spbm_plan *plan);
+
 /* Writes a store's mesh as a mesh file, streamed. */
 SPBM_API spbm_status spbm_export(spbm_job *job, const char *store, const char *output,
                                  spbm_format format);

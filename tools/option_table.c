@@ -54,6 +54,8 @@ const struct option_row option_rows[] = {
      "keep finished stages in a folder in --tmp DIR until the run is\n"
      "done; after a crash or kill the same command goes on from them\n"
      "(default: off)"},
+    {OPTION_DRY_RUN, GROUP_KEEP, 0, "dry-run", NULL,
+     "only say what time, disk and memory the run would take"},
     {OPTION_SAMPLES, GROUP_MEASURE, 0, "samples", "N",
      "samples for each face of the simplified mesh (default: 10)"},
     {OPTION_SELF_INTERSECTIONS, GROUP_MEASURE, 0, "self-intersections", NULL,

@@ -371,6 +371,9 @@ static void take_option(struct parser *parser, const struct option_row *row, con
     case OPTION_KEEP:
         options->keep_dir = value;
         break;
+    case OPTION_DRY_RUN:
+        options->dry_run = true;
+        break;
     case OPTION_RESUME:
         options->resume = true;
         break;

@@ -46,7 +46,7 @@ struct options {
     const char **inputs; /* borrowed from argv; the array is owned */
     size_t input_count;
     const char *output, *keep_dir, *tmp_dir, *json;
-    bool weld, quiet, verbose, resume;
+    bool weld, quiet, verbose, resume, dry_run;
     spbm_target target;
     spbm_patch_options patch;
     spbm_lod_options lod;

@@ -15,7 +15,7 @@
 #include "base/bytes.h"
 
 enum {
-    SAMPLE_FACES = 20000,
+    SAMPLE_BYTES = 8 << 20, /* smaller files are read whole */
     LEAST_FACE_BYTES = 6,   /* of a face in any format, about: "f 1 2 3" shares its vertices */
     INFLATION_LIMIT = 1032, /* bytes that deflate makes of one, at most */
     INFLATION_GUESS = 4
@@ -50,7 +50,7 @@ static enum status look_vertices(void *user, size_t count, const float *floats,
     (void)floats, (void)doubles, (void)records;
     look->vertices += count;
     look->position = instream_position(look->stream);
-    return look->vertices < 8 * (uint64_t)SAMPLE_FACES ? STATUS_OK : STATUS_CANCELLED;
+    return look->position < SAMPLE_BYTES ? STATUS_OK : STATUS_CANCELLED;
 }
 
 static enum status look_faces(void *user, uint64_t first_face, size_t count, const uint32_t *sizes,
@@ -60,7 +60,7 @@ static enum status look_faces(void *user, uint64_t first_face, size_t count, con
     (void)first_face, (void)sizes, (void)indices;
     look->faces += count;
     look->position = instream_position(look->stream);
-    return look->faces < SAMPLE_FACES ? STATUS_OK : STATUS_CANCELLED;
+    return look->position < SAMPLE_BYTES ? STATUS_OK : STATUS_CANCELLED;
 }
 
 /* Bytes of the inflated file: from the last four of a gzip file where they can tell. */
@@ -115,11 +115,15 @@ static void look_at(struct context *ctx, const char *path, struct instream *stre
         .user = &look, .begin = look_begin, .vertices = look_vertices, .faces = look_faces};
     if (!looks_like_text(ctx, stream, &estimate->is_text))
         return;
-    (void)!import_read(ctx, stream, &sink);
+    enum status status = import_read(ctx, stream, &sink);
     estimate->is_gzip = instream_is_gzip(stream);
     uint64_t size = estimate->file_size;
-    if (!estimate->is_counted)
+    if (status == STATUS_OK) {
+        estimate->vertices = look.vertices;
+        estimate->faces = look.faces;
+    } else if (!estimate->is_counted) {
         scale_up(&look, estimate->is_gzip ? inflated_size(path, size) : size);
+    }
     uint64_t most = size / LEAST_FACE_BYTES * (estimate->is_gzip ? INFLATION_LIMIT : 1);
     if (estimate->faces > most)
         estimate->faces = most;

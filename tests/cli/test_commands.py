@@ -1,5 +1,6 @@
 """The program from outside: every command, exit codes, JSON, standard streams, limits, signals."""
 import gzip
+import json
 import os
 import re
 import signal
@@ -476,7 +477,8 @@ class Report(ProgramTest):
                                    ["measure", mesh, "a.ply"],
                                    ["export", "k/mesh.store", "-o", "b.ply"],
                                    ["topology", self.speck(), "-o", "c.ply", "--drop-components",
-                                    "50%"])):
+                                    "50%"],
+                                   ["simplify", mesh, "-o", "d.ply", "--faces", "9", "--dry-run"])):
             self.run_program(*words, "--json", "%d.json" % (i + 2))
 
         def walk(value):
@@ -488,7 +490,7 @@ class Report(ProgramTest):
             elif isinstance(value, list):
                 for inner in value:
                     walk(inner)
-        for i in range(9):
+        for i in range(10):
             walk(read_json(self.path("%d.json" % i)))
         # And the other way round: the page promises no key that never comes.
         documented = set(re.findall(r"`([a-z_][a-z_0-9]*)`", page)) - {"null"}
@@ -508,6 +510,42 @@ class Report(ProgramTest):
         for words in (["info", mesh], ["check", mesh], ["import", mesh, "-o", "a.store"]):
             out, _ = self.run_program(*words, "--json", "-")
             self.assertEqual(json.loads(out)["exit_code"], 0)
+
+    def test_dry_run(self):
+        """Foretold and true figures agree to a factor; nothing is written."""
+        mesh = self.sphere(n=60, binary=False)
+        words = ["simplify", mesh, "-o", "a.ply", "--faces", "2k"]
+        out, err = self.run_program(*words, "--dry-run", "--json", "plan.json")
+        self.assertEqual(err, "")
+        for word in ("time", "disk", "memory", "at least", "28,800 faces"):
+            self.assertIn(word, out.decode())
+        self.assertEqual(sorted(os.listdir(self.folder)), ["in.ply", "plan.json"])
+        plan = read_json(self.path("plan.json"))["plan"]
+        self.run_program(*words, "--json", "r.json")
+        report = read_json(self.path("r.json"))
+        self.assertEqual(plan["faces"], report["store"]["topology"]["faces"])
+        self.assertEqual(plan["vertices"], report["store"]["topology"]["vertices"])
+        self.assertTrue(plan["is_counted"])
+        self.assertLess(plan["output_bytes"] / os.path.getsize(self.path("a.ply")), 2)
+        self.assertGreater(plan["output_bytes"] / os.path.getsize(self.path("a.ply")), 0.5)
+        self.run_program(*words, "--keep", "kept")
+        kept = os.path.getsize(self.path("kept/mesh.store"))
+        self.assertLess(plan["temporary_bytes"] / kept, 3)
+        self.assertGreater(plan["temporary_bytes"] / kept, 0.5)
+        # The least is enough, and less is refused with it.
+        self.run_program(*words, "-m", plan["memory_least"])
+        _, err = self.run_program(*words, "-m", plan["memory_least"] * 9 // 10, code=4)
+        self.assertIn("at least", err)
+        self.run_program(*words, "-m", plan["memory_least"] * 9 // 10, "--dry-run", code=4)
+        # Text without counts is scaled up from its beginning.
+        self.run_program("export", "kept/mesh.store", "-o", "in.obj")
+        out, _ = self.run_program("simplify", "in.obj", "-o", "a.ply", "--faces", "2k", "--dry-run",
+                                  "--json", "-")
+        guessed = json.loads(out)["plan"]
+        self.assertFalse(guessed["is_counted"])
+        self.assertTrue(0.6 < guessed["faces"] / plan["faces"] < 1.6, guessed)
+        self.run_program("simplify", "-", "-o", "a.ply", "--faces", "2k", "--dry-run", code=2)
+        self.run_program("simplify", "a.json", "-o", "a.ply", "--faces", "2k", "--dry-run", code=1)
 
     def test_closing_line(self):
         mesh = self.sphere(n=16)
