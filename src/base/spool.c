@@ -18,7 +18,7 @@
 #include "base/descriptor.h"
 #include "base/memory.h"
 
-enum { WRITE_BUFFER = 1 << 20 };
+enum { WRITE_BUFFER = 1 << 20, WRITE_PIECE = 64 << 10 };
 
 static const char spool_name[] = "a temporary file";
 
@@ -31,11 +31,25 @@ void spool_init(struct context *ctx, struct spool *spool, const char *beside, ui
     spool->fd = -1;
 }
 
+/* In pieces: the system caches what one call writes as one block, and later maps all of that block
+ * when a byte of it is looked at. */
+static enum status write_pieces(struct spool *spool, const unsigned char *from, size_t size)
+{
+    enum status status = STATUS_OK;
+    while (size > 0 && status == STATUS_OK) {
+        size_t piece = size < WRITE_PIECE ? size : WRITE_PIECE;
+        status = descriptor_write(spool->ctx, spool->fd, spool_name, from, piece);
+        from += piece;
+        size -= piece;
+    }
+    return status;
+}
+
 static enum status write_buffered(struct spool *spool)
 {
     size_t used = spool->used;
     spool->used = 0;
-    return descriptor_write(spool->ctx, spool->fd, spool_name, spool->memory, used);
+    return write_pieces(spool, spool->memory, used);
 }
 
 /* From here on `memory` is a write buffer. */
@@ -57,7 +71,7 @@ static enum status append_to_file(struct spool *spool, const unsigned char *from
     if (size > spool->capacity - spool->used)
         status = write_buffered(spool);
     if (status == STATUS_OK && size >= spool->capacity)
-        return descriptor_write(spool->ctx, spool->fd, spool_name, from, size);
+        return write_pieces(spool, from, size);
     if (status == STATUS_OK) {
         memcpy(spool->memory + spool->used, from, size);
         spool->used += size;
@@ -104,7 +118,6 @@ static enum status map_file(struct spool *spool)
         map = mmap(NULL, (size_t)spool->size, PROT_READ | PROT_WRITE, MAP_SHARED, spool->fd, 0);
     if (map == MAP_FAILED)
         return fail_errno(spool->ctx, errno, "cannot map %s", spool_name);
-    /* A look at one byte shall not make 2 MiB of the file resident. */
     (void)madvise(map, (size_t)spool->size, MADV_NOHUGEPAGE);
     spool->map = map;
     return STATUS_OK;

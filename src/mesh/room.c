@@ -3,9 +3,9 @@
  *
  * What is resident of a mapped file counts as memory of the process, and nobody bounds it: a sweep
  * leaves all that it has seen. So sweeps forget what is behind them, and whoever looks at places in
- * any order counts the blocks that this brings in. A fault brings in what stands round it in blocks
- * of 64 KiB at most, aligned (the kernel's fault-around), so a byte a block is all the
- * book-keeping.
+ * any order counts the blocks that this brings in. A fault brings in what stands round it: an
+ * aligned block of 64 KiB, and since Linux 6.18 all that was written by one call, for which spools
+ * are written in pieces of that size. So a byte a block is all the book-keeping.
  *
  * The maps are shared maps of files without names, so that MADV_DONTNEED only takes pages out of
  * the process's page tables: what was written stays in the file's pages, which the system may write
@@ -117,6 +117,12 @@ void spool_forget(const struct spool *spool, uint64_t offset, uint64_t size)
         (void)madvise((char *)spool->map + offset, (size_t)(end - offset), MADV_DONTNEED);
 }
 
+void spool_jumps(const struct spool *spool)
+{
+    if (spool->map)
+        (void)madvise(spool->map, (size_t)spool->size, MADV_RANDOM);
+}
+
 enum status visits_begin(const struct room *room, struct visits *visits, const struct spool *spool,
                          uint64_t most_bytes)
 {
@@ -127,7 +133,8 @@ enum status visits_begin(const struct room *room, struct visits *visits, const s
     visits->most = most_bytes >> room->block_shift;
     if (visits->most < 4)
         visits->most = 4;
-    visits->block_count = (spool->size >> room->block_shift) + 1;
+    visits->first = (uintptr_t)spool->map & (((uint64_t)1 << room->block_shift) - 1);
+    visits->block_count = ((visits->first + spool->size) >> room->block_shift) + 1;
     return memory_take_zeroed(room->ctx, (size_t)visits->block_count, 1, &visits->seen);
 }
 

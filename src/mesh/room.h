@@ -66,6 +66,10 @@ static inline void spool_forget_all(const struct spool *spool)
     spool_forget(spool, 0, spool->size);
 }
 
+/* A look at a page reads no others: for scratch that is looked at in any order while it is still
+ * empty, which would fill it with zeros from a file far ahead. */
+void spool_jumps(const struct spool *spool);
+
 /* Elements of a long sweep between two calls. */
 enum { FORGET_EVERY = 1 << 18 };
 
@@ -79,6 +83,7 @@ struct visits {
     uint8_t *seen; /* a block: the epoch in which it was last looked at; NULL: spool in memory */
     uint64_t block_count;
     unsigned block_shift;
+    uint64_t first; /* of the map within its first block: blocks are aligned in memory */
     uint8_t epoch;
     uint64_t resident, most;
     uint64_t total; /* blocks that have become resident, counted each time */
@@ -92,7 +97,7 @@ void visits_first(struct visits *visits, uint64_t block); /* private */
 /* Call it before looking at the byte there. */
 static inline void visit(struct visits *visits, uint64_t offset)
 {
-    uint64_t block = offset >> visits->block_shift;
+    uint64_t block = (visits->first + offset) >> visits->block_shift;
     if (visits->seen && visits->seen[block] != visits->epoch)
         visits_first(visits, block);
 }
