@@ -27,10 +27,10 @@ static const double PLANE_FLOOR = 1e-6;
 static const double TIE_WEIGHT = 1e-8;
 
 /* The matrix that the neighbour's triangles give, the two shared ones left to the origin's. */
-LANES_INLINE void rest_of_fan(const struct edge_lanes *e, float square[6][EDGE_LANES],
-                              float normal[3][EDGE_LANES])
+LANES_INLINE void rest_of_fan(const struct edge_lanes *e, float square[6][LANES],
+                              float normal[3][LANES])
 {
-    for (int i = 0; i < EDGE_LANES; i++) {
+    for (int i = 0; i < LANES; i++) {
         const float lx = e->left[0][i], ly = e->left[1][i], lz = e->left[2][i];
         const float rx = e->right[0][i], ry = e->right[1][i], rz = e->right[2][i];
         square[0][i] = e->square[0][i] - lx * lx - rx * rx;
@@ -59,8 +59,8 @@ LANES_INLINE float tie(float length)
     return (float)TIE_WEIGHT * length * length * length;
 }
 
-LANES_INLINE float cost_at(const struct fan *fan, float rest[6][EDGE_LANES],
-                           const struct edge_lanes *e, int i, float x, float y, float z)
+LANES_INLINE float cost_at(const struct fan *fan, float rest[6][LANES], const struct edge_lanes *e,
+                           int i, float x, float y, float z)
 {
     const float *s = fan->square;
     const float ex = e->edge[0][i], ey = e->edge[1][i], ez = e->edge[2][i];
@@ -72,10 +72,10 @@ LANES_INLINE float cost_at(const struct fan *fan, float rest[6][EDGE_LANES],
 
 LANES_INLINE void place_lanes(const struct fan *fan, float reach_square, struct edge_lanes *e)
 {
-    float rest[6][EDGE_LANES], normal[3][EDGE_LANES];
+    float rest[6][LANES], normal[3][LANES];
     rest_of_fan(e, rest, normal);
     const float *own = fan->square;
-    for (int i = 0; i < EDGE_LANES; i++) {
+    for (int i = 0; i < LANES; i++) {
         const float ex = e->edge[0][i], ey = e->edge[1][i], ez = e->edge[2][i];
         const float offset = normal[0][i] * ex + normal[1][i] * ey + normal[2][i] * ez;
         const float xx = rest[0][i] + own[0], xy = rest[1][i] + own[1], xz = rest[2][i] + own[2];
@@ -127,7 +127,7 @@ LANES_INLINE void place_lanes(const struct fan *fan, float reach_square, struct 
         e->at[1][i] = ey / 2 + (near ? py : safe_lift * uy);
         e->at[2][i] = ez / 2 + (near ? pz : safe_lift * uz);
     }
-    for (int i = 0; i < EDGE_LANES; i++)
+    for (int i = 0; i < LANES; i++)
         e->cost[i] = cost_at(fan, rest, e, i, e->at[0][i], e->at[1][i], e->at[2][i]);
 }
 
@@ -151,11 +151,39 @@ void edge_lanes_place(enum cpu_level level, const struct fan *fan, float reach_s
         place_lanes_scalar(fan, reach_square, e);
 }
 
+LANES_INLINE void weigh_lanes(const struct fan *fan, struct edge_lanes *e)
+{
+    const float own = fan->square[0] + fan->square[3] + fan->square[5];
+    for (int i = 0; i < LANES; i++) {
+        const float squares = own + (e->square[0][i] + e->square[3][i] + e->square[5][i]);
+        const float cost = e->cost[i] / (sqrtf(sqrtf(squares > 0 ? squares : 0)) + 1e-30f);
+        e->cost[i] = cost < 3e38f ? cost : INFINITY;
+    }
+}
+
+static void weigh_lanes_scalar(const struct fan *fan, struct edge_lanes *e)
+{
+    weigh_lanes(fan, e);
+}
+
+LANES_AVX2 static void weigh_lanes_avx2(const struct fan *fan, struct edge_lanes *e)
+{
+    weigh_lanes(fan, e);
+}
+
+void edge_lanes_weigh(enum cpu_level level, const struct fan *fan, struct edge_lanes *e)
+{
+    if (level >= CPU_AVX2)
+        weigh_lanes_avx2(fan, e);
+    else
+        weigh_lanes_scalar(fan, e);
+}
+
 void edge_lanes_ends(const struct fan *fan, struct edge_lanes *e)
 {
-    float rest[6][EDGE_LANES], normal[3][EDGE_LANES];
+    float rest[6][LANES], normal[3][LANES];
     rest_of_fan(e, rest, normal);
-    for (int i = 0; i < EDGE_LANES; i++) {
+    for (int i = 0; i < LANES; i++) {
         e->cost_here[i] = cost_at(fan, rest, e, i, 0, 0, 0);
         e->cost_there[i] = cost_at(fan, rest, e, i, e->edge[0][i], e->edge[1][i], e->edge[2][i]);
     }
@@ -242,7 +270,7 @@ static bool solve3(const double s[6], const double g[3], double x[3])
 void edge_border_place(const struct fan *fan, float reach_square, const struct border_sum *border,
                        double weight, struct edge_lanes *e, unsigned i)
 {
-    float rest_lanes[6][EDGE_LANES], normal[3][EDGE_LANES];
+    float rest_lanes[6][LANES], normal[3][LANES];
     double own[6], rest[6], sum[6], g[3], x[3], middle[3], edge[3];
     rest_of_fan(e, rest_lanes, normal);
     const double length = length_square(e, i), scale = 9 * weight * length;

@@ -17,29 +17,27 @@
 #include <stdbool.h>
 
 #include "base/cpu.h"
-
-/* Edges are worked on in groups of this many, each array below a vector register or two. */
-enum { EDGE_LANES = 8 };
+#include "base/lanes.h"
 
 struct fan {
     float square[6]; /* sum of n n' */
     float normal[3]; /* sum of n */
 };
 
-/* Edges from one vertex, the origin, to neighbours. In lanes without an edge the inputs are any
- * finite numbers. */
+/* LANES edges from one vertex, the origin, to neighbours. In lanes without an edge the inputs are
+ * any finite numbers. */
 struct edge_lanes {
     /* in */
-    float square[6][EDGE_LANES]; /* the neighbour's fan */
-    float normal[3][EDGE_LANES];
-    float edge[3][EDGE_LANES]; /* the neighbour */
-    float left[3][EDGE_LANES]; /* normals of the two faces at the edge; 0 where there is none */
-    float right[3][EDGE_LANES];
+    float square[6][LANES]; /* the neighbour's fan */
+    float normal[3][LANES];
+    float edge[3][LANES]; /* the neighbour */
+    float left[3][LANES]; /* normals of the two faces at the edge; 0 where there is none */
+    float right[3][LANES];
     /* out */
-    float at[3][EDGE_LANES]; /* where the vertex goes */
-    float cost[EDGE_LANES];
-    float cost_here[EDGE_LANES];  /* of staying at the origin */
-    float cost_there[EDGE_LANES]; /* of going to the neighbour */
+    float at[3][LANES]; /* where the vertex goes */
+    float cost[LANES];
+    float cost_here[LANES];  /* of staying at the origin */
+    float cost_there[LANES]; /* of going to the neighbour */
 };
 
 /*
@@ -49,6 +47,9 @@ struct edge_lanes {
  */
 void edge_lanes_place(enum cpu_level level, const struct fan *fan, float reach_square,
                       struct edge_lanes *lanes);
+/* Divides the costs by the fourth root of the sum of squared areas round the edge; what is no
+ * longer a finite number becomes INFINITY. */
+void edge_lanes_weigh(enum cpu_level level, const struct fan *fan, struct edge_lanes *lanes);
 /* Fills `cost_here` and `cost_there`. */
 void edge_lanes_ends(const struct fan *fan, struct edge_lanes *lanes);
 

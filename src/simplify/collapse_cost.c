@@ -20,8 +20,8 @@ static inline void position_from(const struct collapse *c, uint32_t v, const flo
         out[k] = (double)p[k] - (double)from[k];
 }
 
-static inline void look_at(const struct collapse *c, uint32_t w, const float from[3], uint32_t i,
-                           struct vertex_look *look)
+LANES_INLINE void look_at(const struct collapse *c, uint32_t w, const float from[3], uint32_t i,
+                          struct vertex_look *look)
 {
     const struct collapse_vertex *vertex = &c->vertices[w];
     look->ring.vertices[i] = w;
@@ -31,7 +31,7 @@ static inline void look_at(const struct collapse *c, uint32_t w, const float fro
 }
 
 /* Turns round v. */
-static inline void gather(const struct collapse *c, uint32_t v, struct vertex_look *look)
+LANES_INLINE void gather(const struct collapse *c, uint32_t v, struct vertex_look *look)
 {
     const float *from = c->vertices[v].position;
     const uint32_t first = c->vertices[v].corner;
@@ -54,25 +54,46 @@ static inline void gather(const struct collapse *c, uint32_t v, struct vertex_lo
     ring->count = count;
 }
 
-void vertex_look_round(const struct collapse *c, uint32_t v, struct vertex_look *look)
+/* The faces between the neighbours of a look that gather() has filled. */
+LANES_INLINE void make_normals(struct vertex_look *look)
 {
     const struct ring *ring = &look->ring;
-    gather(c, v, look);
-    if (ring->count == 0)
-        return;
-    /* one more for the last face, then zeros: lanes beyond the last face have normal 0 */
     const bool closed = ring->faces == ring->count;
-    for (uint32_t i = ring->count; i < ring->count + EDGE_LANES; i++)
-        for (int k = 0; k < 3; k++)
-            look->at[k][i] = i == ring->count && closed ? look->at[k][0] : 0;
-    for (uint32_t first = 0; first < ring->count; first += EDGE_LANES)
-        for (uint32_t i = first; i < first + EDGE_LANES; i++) {
-            const float ax = look->at[0][i], ay = look->at[1][i], az = look->at[2][i];
-            const float bx = look->at[0][i + 1], by = look->at[1][i + 1], bz = look->at[2][i + 1];
-            look->normals[0][i] = ay * bz - az * by;
-            look->normals[1][i] = az * bx - ax * bz;
-            look->normals[2][i] = ax * by - ay * bx;
-        }
+    /* one more for the last face, then zeros: lanes beyond the last face have normal 0 */
+    for (int k = 0; k < 3; k++) {
+        lanes_store(&look->at[k][ring->count], lanes_all(0));
+        look->at[k][ring->count] = closed ? look->at[k][0] : 0;
+    }
+    for (uint32_t i = 0; i < ring->count; i += LANES) {
+        const struct vec3x8 a = lanes_load3(look->at[0] + i, look->at[1] + i, look->at[2] + i);
+        const struct vec3x8 b =
+            lanes_load3(look->at[0] + i + 1, look->at[1] + i + 1, look->at[2] + i + 1);
+        const struct vec3x8 n = lanes_cross(a, b);
+        lanes_store(look->normals[0] + i, n.x);
+        lanes_store(look->normals[1] + i, n.y);
+        lanes_store(look->normals[2] + i, n.z);
+    }
+}
+
+static void make_normals_scalar(struct vertex_look *look)
+{
+    make_normals(look);
+}
+
+LANES_AVX2 static void make_normals_avx2(struct vertex_look *look)
+{
+    make_normals(look);
+}
+
+void vertex_look_round(const struct collapse *c, uint32_t v, struct vertex_look *look)
+{
+    gather(c, v, look);
+    if (look->ring.count == 0)
+        return;
+    if (c->level >= CPU_AVX2)
+        make_normals_avx2(look);
+    else
+        make_normals_scalar(look);
 }
 
 /* Adds v's border edges, positions relative to `origin`, but for the one to `except`. */
@@ -108,37 +129,38 @@ void border_edges_sum(const struct collapse *c, uint32_t v, uint32_t w, struct b
 }
 
 /* Puts edges first.. of v into the lanes. */
-static void fill_lanes(const struct collapse *c, const struct vertex_edges *e, uint32_t first,
-                       struct edge_lanes *lanes)
+LANES_INLINE void fill_lanes(const struct collapse *c, const struct vertex_edges *e, uint32_t first,
+                             struct edge_lanes *lanes)
 {
-    const struct ring *ring = &e->look.ring;
-    const uint32_t left = ring->count - first, used = left < EDGE_LANES ? left : EDGE_LANES;
+    const struct vertex_look *look = &e->look;
+    const uint32_t left = look->ring.count - first, used = left < LANES ? left : LANES;
+    float8 fans[LANES];
     for (uint32_t i = 0; i < used; i++) {
-        const struct fan *fan = &c->vertices[ring->vertices[first + i]].fan;
-        for (int k = 0; k < 6; k++)
-            lanes->square[k][i] = fan->square[k];
-        for (int k = 0; k < 3; k++)
-            lanes->normal[k][i] = fan->normal[k];
+        const struct fan *fan = &c->vertices[look->ring.vertices[first + i]].fan;
+        fans[i] = lanes_load((const float *)fan); /* eight of its nine numbers */
+        lanes->normal[2][i] = fan->normal[2];
     }
-    for (uint32_t i = used; i < EDGE_LANES; i++) {
-        for (int k = 0; k < 6; k++)
-            lanes->square[k][i] = 1;
-        for (int k = 0; k < 3; k++)
-            lanes->normal[k][i] = 1;
+    for (uint32_t i = used; i < LANES; i++) {
+        fans[i] = lanes_all(1);
+        lanes->normal[2][i] = 1;
     }
+    lanes_transpose(fans);
+    for (int k = 0; k < 6; k++)
+        lanes_store(lanes->square[k], fans[k]);
+    for (int k = 0; k < 2; k++)
+        lanes_store(lanes->normal[k], fans[6 + k]);
+    /* the last ring vertex's right neighbour in an open ring has the last normal, and its left one
+     * is 0 as there is no face beyond */
+    const bool closed = look->ring.faces == look->ring.count;
     for (int k = 0; k < 3; k++) {
-        for (uint32_t i = 0; i < EDGE_LANES; i++) {
-            lanes->edge[k][i] = e->look.at[k][first + i];
-            lanes->left[k][i] = e->look.normals[k][first + i];
+        const float *normals = look->normals[k];
+        lanes_store(lanes->edge[k], lanes_load(look->at[k] + first));
+        lanes_store(lanes->left[k], lanes_load(normals + first));
+        lanes_store(lanes->right[k], lanes_load(normals + (first > 0 ? first - 1 : 0)));
+        if (first == 0) {
+            memmove(lanes->right[k] + 1, lanes->right[k], (LANES - 1) * sizeof(float));
+            lanes->right[k][0] = closed ? normals[look->ring.count - 1] : 0;
         }
-        /* the last ring vertex's right neighbour in an open ring has the last normal, and its left
-         * one is 0 as there is no face beyond */
-        const bool closed = ring->faces == ring->count;
-        lanes->right[k][0] = first > 0 ? e->look.normals[k][first - 1]
-                             : closed  ? e->look.normals[k][ring->count - 1]
-                                       : 0;
-        for (uint32_t i = 1; i < EDGE_LANES; i++)
-            lanes->right[k][i] = e->look.normals[k][first + i - 1];
     }
 }
 
@@ -147,7 +169,7 @@ static void mend_special_lanes(const struct collapse *c, uint32_t v, struct vert
                                uint32_t first, struct edge_lanes *lanes)
 {
     const struct ring *ring = &e->look.ring;
-    const uint32_t end = first + EDGE_LANES < ring->count ? first + EDGE_LANES : ring->count;
+    const uint32_t end = first + LANES < ring->count ? first + LANES : ring->count;
     bool have_ends = c->options.subset;
     for (uint32_t i = first; i < end; i++) {
         const uint32_t w = ring->vertices[i], lane = i - first;
@@ -184,45 +206,64 @@ static void mend_special_lanes(const struct collapse *c, uint32_t v, struct vert
     }
 }
 
+/* Square of the largest distance of a neighbour. */
+LANES_INLINE float longest_square(const struct vertex_look *look)
+{
+    float8 longest = lanes_all(0);
+    for (uint32_t i = 0; i < look->ring.count; i += LANES) {
+        const struct vec3x8 at = lanes_load3(look->at[0] + i, look->at[1] + i, look->at[2] + i);
+        const float8 square = lanes_dot(at, at);
+        longest = lanes_choose(square > longest, square, longest);
+    }
+    return lanes_largest(longest);
+}
+
 /*
- * What a cost is divided by: the fourth root of the sum of squared areas round the edge. Lindstrom
- * and Turk order edges by squared volumes, that is squared distance times squared area, and so give
+ * Costs are divided by the fourth root of the sum of squared areas round the edge. Lindstrom and
+ * Turk order edges by squared volumes, that is squared distance times squared area, and so give
  * up small sharp features first, which are where the largest distances arise; Garland and Heckbert
  * by squared distance times area. A quarter of the way between them leaves the mean as it was
  * (koala and bunny at 2 %: 0.3 to 0.8 % more) and makes the largest distance a fifth to a quarter
  * smaller.
  */
-static inline float area_part(const struct fan *fan, const struct edge_lanes *lanes, uint32_t i)
+LANES_INLINE void evaluate(const struct collapse *c, uint32_t v, struct vertex_edges *e)
 {
-    const float squares = (fan->square[0] + fan->square[3] + fan->square[5]) +
-                          (lanes->square[0][i] + lanes->square[3][i] + lanes->square[5][i]);
-    return sqrtf(sqrtf(squares)) + 1e-30f;
+    const struct fan *fan = &c->vertices[v].fan;
+    struct edge_lanes lanes;
+    gather(c, v, &e->look);
+    if (e->look.ring.count == 0)
+        return;
+    make_normals(&e->look);
+    e->reach_square = longest_square(&e->look);
+    for (uint32_t first = 0; first < e->look.ring.count; first += LANES) {
+        fill_lanes(c, e, first, &lanes);
+        if (c->options.subset)
+            edge_lanes_ends(fan, &lanes);
+        else
+            edge_lanes_place(c->level, fan, e->reach_square, &lanes);
+        if (e->look.flags || c->options.subset)
+            mend_special_lanes(c, v, e, first, &lanes);
+        edge_lanes_weigh(c->level, fan, &lanes);
+        for (int k = 0; k < 3; k++)
+            lanes_store(&e->places[k][first], lanes_load(lanes.at[k]));
+        lanes_store(&e->costs[first], lanes_load(lanes.cost));
+    }
+}
+
+static void evaluate_scalar(const struct collapse *c, uint32_t v, struct vertex_edges *e)
+{
+    evaluate(c, v, e);
+}
+
+LANES_AVX2 static void evaluate_avx2(const struct collapse *c, uint32_t v, struct vertex_edges *e)
+{
+    evaluate(c, v, e);
 }
 
 void vertex_evaluate(const struct collapse *c, uint32_t v, struct vertex_edges *e)
 {
-    struct edge_lanes lanes;
-    vertex_look_round(c, v, &e->look);
-    e->reach_square = 0;
-    for (uint32_t i = 0; i < e->look.ring.count; i++) {
-        const float square = e->look.at[0][i] * e->look.at[0][i] +
-                             e->look.at[1][i] * e->look.at[1][i] +
-                             e->look.at[2][i] * e->look.at[2][i];
-        e->reach_square = square > e->reach_square ? square : e->reach_square;
-    }
-    for (uint32_t first = 0; first < e->look.ring.count; first += EDGE_LANES) {
-        fill_lanes(c, e, first, &lanes);
-        if (c->options.subset)
-            edge_lanes_ends(&c->vertices[v].fan, &lanes);
-        else
-            edge_lanes_place(c->level, &c->vertices[v].fan, e->reach_square, &lanes);
-        if (e->look.flags || c->options.subset)
-            mend_special_lanes(c, v, e, first, &lanes);
-        for (int k = 0; k < 3; k++)
-            memcpy(&e->places[k][first], lanes.at[k], sizeof lanes.at[k]);
-        for (uint32_t i = 0; i < EDGE_LANES; i++) {
-            const float cost = lanes.cost[i] / area_part(&c->vertices[v].fan, &lanes, i);
-            e->costs[first + i] = cost < 3e38f ? cost : INFINITY;
-        }
-    }
+    if (c->level >= CPU_AVX2)
+        evaluate_avx2(c, v, e);
+    else
+        evaluate_scalar(c, v, e);
 }

@@ -23,7 +23,7 @@
 
 /* A vertex with more neighbours is left alone until they are fewer, so that a hub of a hundred
  * thousand faces does not make the work quadratic. */
-enum { RING_MAX = 96, RING_LANES = RING_MAX + 2 * EDGE_LANES };
+enum { RING_MAX = 96, RING_LANES = RING_MAX + 2 * LANES };
 
 enum vertex_flag { VERTEX_LOCKED = 1, VERTEX_BORDER = 2 };
 

@@ -39,9 +39,19 @@ static void faces_gone(const struct ring *ring, uint32_t place, uint32_t gone[2]
 /* Sums over the planes of the faces that were there: how far the new vertex is from them, weighted
  * with their squared areas. */
 struct plane_sums {
-    float distance[EDGE_LANES]; /* (n . step)^2 */
-    float weight[EDGE_LANES];   /* n . n */
+    float8 distance; /* (n . step)^2 */
+    float8 weight;   /* n . n */
 };
+
+LANES_INLINE struct vec3x8 lanes_all3(const float p[3])
+{
+    return (struct vec3x8){lanes_all(p[0]), lanes_all(p[1]), lanes_all(p[2])};
+}
+
+LANES_INLINE struct vec3x8 load_from(const float from[3][RING_LANES], uint32_t i)
+{
+    return lanes_load3(from[0] + i, from[1] + i, from[2] + i);
+}
 
 /* The faces at one end, 8 at a time: their normals with the vertex at `to`, and whether all that
  * stay are sound. Those that go are counted in the sums of the first end only. */
@@ -49,54 +59,43 @@ LANES_INLINE bool turn_faces(enum guard guard, struct edge_change *change, int e
                              const float fan_normal[3], struct plane_sums *sums)
 {
     const struct vertex_look *look = change->looks[end];
-    const float tx = change->to[end][0], ty = change->to[end][1], tz = change->to[end][2];
-    const float ux = fan_normal[0], uy = fan_normal[1], uz = fan_normal[2];
-    float(*turned)[RING_LANES] = change->turned[end];
+    const struct vec3x8 to = lanes_all3(change->to[end]), up = lanes_all3(fan_normal);
     uint32_t gone[2];
     faces_gone(&look->ring, change->place[end], gone);
-    const int no_guard = guard == GUARD_NONE, slivers = guard == GUARD_FULL;
-    int bad[EDGE_LANES] = {0};
-    for (uint32_t first = 0; first < look->ring.count; first += EDGE_LANES)
-        for (uint32_t i = 0; i < EDGE_LANES; i++) {
-            const uint32_t j = first + i;
-            const int stays = (j < look->ring.faces) & (j != gone[0]) & (j != gone[1]);
-            const float rx = look->at[0][j], ry = look->at[1][j], rz = look->at[2][j];
-            const float sx = look->at[0][j + 1], sy = look->at[1][j + 1], sz = look->at[2][j + 1];
-            const float ox = look->normals[0][j], oy = look->normals[1][j];
-            const float oz = look->normals[2][j];
-            const float ax = rx - tx, ay = ry - ty, az = rz - tz;
-            const float bx = sx - tx, by = sy - ty, bz = sz - tz;
-            const float ex = sx - rx, ey = sy - ry, ez = sz - rz;
-            const float nx = ay * bz - az * by, ny = az * bx - ax * bz, nz = ax * by - ay * bx;
-            const float base = ex * ex + ey * ey + ez * ez;
-            const float sizes = ax * ax + ay * ay + az * az + (bx * bx + by * by + bz * bz) + base;
-            const float old_sizes =
-                rx * rx + ry * ry + rz * rz + (sx * sx + sy * sy + sz * sz) + base;
-            const float old_square = ox * ox + oy * oy + oz * oz;
-            const float old_length = sqrtf(old_square);
-            const float length = sqrtf(nx * nx + ny * ny + nz * nz);
-            const float shape = length / (sizes + TINY);
-            const float old_shape = old_length / (old_sizes + TINY);
-            const float dot = ox * nx + oy * ny + oz * nz;
-            const float agrees = nx * ux + ny * uy + nz * uz;
-            const float height = ox * tx + oy * ty + oz * tz;
+    const int32_t full = guard == GUARD_FULL ? -1 : 0, both = end == 0 ? -1 : 0;
+    int8x32 bad = {0};
+    for (uint32_t first = 0; first < look->ring.count; first += LANES) {
+        const int8x32 j = lanes_count_from(first);
+        const int8x32 stays =
+            (j < (int32_t)look->ring.faces) & (j != (int32_t)gone[0]) & (j != (int32_t)gone[1]);
+        const struct vec3x8 r = load_from(look->at, first), s = load_from(look->at, first + 1);
+        const struct vec3x8 old = load_from(look->normals, first);
+        const struct vec3x8 a = lanes_sub(r, to), b = lanes_sub(s, to), e = lanes_sub(s, r);
+        const struct vec3x8 n = lanes_cross(a, b);
+        const float8 base = lanes_dot(e, e);
+        const float8 sizes = lanes_dot(a, a) + lanes_dot(b, b) + base;
+        const float8 old_sizes = lanes_dot(r, r) + lanes_dot(s, s) + base;
+        const float8 old_square = lanes_dot(old, old), dot = lanes_dot(old, n);
+        /* squares of 2 area / (sum of squared edges), and the cosine of the turn in the same
+         * measure */
+        const float8 shape = lanes_dot(n, n) / (sizes * sizes + TINY);
+        const float8 old_shape = old_square / (old_sizes * old_sizes + TINY);
+        const float8 turn = dot / (sizes * old_sizes + TINY);
+        const float8 height = lanes_dot(old, to);
 
-            const int sliver = slivers & (shape < SLIVER_SHAPE) & (shape < old_shape);
-            /* without a direction before: agree with the surroundings */
-            const int undirected = old_shape <= NO_SHAPE;
-            const int flips = (dot <= 0) | (slivers & (dot < FLIP_COSINE * old_length * length));
-            bad[i] |= stays & (sliver | (undirected ? agrees < 0 : flips));
-            turned[0][j] = stays ? nx : 0;
-            turned[1][j] = stays ? ny : 0;
-            turned[2][j] = stays ? nz : 0;
-            const float counts = end == 0 || stays ? 1 : 0;
-            sums->distance[i] += counts * height * height;
-            sums->weight[i] += counts * old_square;
-        }
-    int any = 0;
-    for (uint32_t i = 0; i < EDGE_LANES; i++)
-        any |= bad[i];
-    return !any || no_guard;
+        const int8x32 sliver = full & (shape < SLIVER_SHAPE * SLIVER_SHAPE) & (shape < old_shape);
+        const int8x32 flips =
+            (dot <= 0) | (full & (turn * turn < FLIP_COSINE * FLIP_COSINE * shape * old_shape));
+        /* without a direction before: agree with the surroundings */
+        const int8x32 undirected = old_shape <= NO_SHAPE * NO_SHAPE, against = lanes_dot(n, up) < 0;
+        bad |= stays & (sliver | (undirected & against) | (~undirected & flips));
+        lanes_store(change->turned[end][0] + first, lanes_where(stays, n.x));
+        lanes_store(change->turned[end][1] + first, lanes_where(stays, n.y));
+        lanes_store(change->turned[end][2] + first, lanes_where(stays, n.z));
+        sums->distance += lanes_where(stays | both, height * height);
+        sums->weight += lanes_where(stays | both, old_square);
+    }
+    return guard == GUARD_NONE || !lanes_any(bad);
 }
 
 LANES_INLINE bool turn_both(enum guard guard, struct edge_change *change, const float fan_normal[3],
@@ -184,58 +183,81 @@ double edge_overshoot(const struct edge_change *change, double enough)
 
 /* ---- fans ---- */
 
-/* Sums of nine products over faces, a lane each, one place to the right: face j stands in j + 1,
- * and what stands before the first is the last face of a closed ring. */
-struct fan_lanes {
-    float sum[9][RING_LANES + EDGE_LANES];
+/* The nine numbers that a face of normal n adds to a fan. */
+LANES_INLINE void fan_parts(struct vec3x8 n, float8 parts[9])
+{
+    parts[0] = n.x * n.x;
+    parts[1] = n.x * n.y;
+    parts[2] = n.x * n.z;
+    parts[3] = n.y * n.y;
+    parts[4] = n.y * n.z;
+    parts[5] = n.z * n.z;
+    parts[6] = n.x;
+    parts[7] = n.y;
+    parts[8] = n.z;
+}
+
+/* By face, one place to the right: face j stands in j + 1, and what stands before the first is the
+ * last face of a closed ring. */
+struct fan_changes {
+    float parts[9][RING_LANES + LANES];
 };
 
 /* What the faces at one end add to a fan now, less what they added before; `fresh` gets what they
  * add now. Faces that go are taken away at the first end only. */
 LANES_INLINE void compare_fans(const struct edge_change *change, int end,
-                               struct fan_lanes *change_by, float fresh[9][EDGE_LANES])
+                               struct fan_changes *changes, float8 fresh[9])
 {
     const struct vertex_look *look = change->looks[end];
+    const int32_t both = end == 0 ? -1 : 0;
     uint32_t gone[2];
     faces_gone(&look->ring, change->place[end], gone);
-    for (uint32_t first = 0; first < look->ring.count; first += EDGE_LANES)
-        for (uint32_t i = 0; i < EDGE_LANES; i++) {
-            const uint32_t j = first + i;
-            const float counts = end == 0 || ((j != gone[0]) & (j != gone[1])) ? 1 : 0;
-            const float x = change->turned[end][0][j], y = change->turned[end][1][j];
-            const float z = change->turned[end][2][j];
-            const float ox = counts * look->normals[0][j], oy = counts * look->normals[1][j];
-            const float oz = counts * look->normals[2][j];
-            const float new[9] = {x * x, x * y, x * z, y * y, y * z, z * z, x, y, z};
-            const float old[9] = {ox * ox, ox * oy, ox * oz, oy * oy, oy * oz, oz * oz, ox, oy, oz};
-            for (int k = 0; k < 9; k++) {
-                fresh[k][i] += new[k];
-                change_by->sum[k][j + 1] = new[k] - old[k];
-            }
+    for (uint32_t first = 0; first < look->ring.count; first += LANES) {
+        const int8x32 j = lanes_count_from(first);
+        const int8x32 counts = both | ((j != (int32_t)gone[0]) & (j != (int32_t)gone[1]));
+        const struct vec3x8 n = load_from(look->normals, first);
+        const struct vec3x8 old = {lanes_where(counts, n.x), lanes_where(counts, n.y),
+                                   lanes_where(counts, n.z)};
+        float8 now[9], before[9];
+        fan_parts(load_from((const float(*)[RING_LANES])change->turned[end], first), now);
+        fan_parts(old, before);
+        for (int k = 0; k < 9; k++) {
+            fresh[k] += now[k];
+            lanes_store(changes->parts[k] + first + 1, now[k] - before[k]);
         }
-    for (int k = 0; k < 9; k++) {
-        float *sum = change_by->sum[k];
-        sum[0] = sum[look->ring.count]; /* 0 in an open ring */
-        for (uint32_t first = 0; first < look->ring.count; first += EDGE_LANES)
-            for (uint32_t i = 0; i < EDGE_LANES; i++)
-                sum[first + i] += sum[first + i + 1];
+    }
+    for (int k = 0; k < 9; k++)
+        changes->parts[k][0] = changes->parts[k][look->ring.count]; /* 0 in an open ring */
+}
+
+/* Adds to each neighbour's fan the changes of the two faces at its edge. */
+LANES_INLINE void change_fans(struct collapse *c, const struct ring *ring,
+                              const struct fan_changes *changes)
+{
+    for (uint32_t first = 0; first < ring->count; first += LANES) {
+        const uint32_t left = ring->count - first, used = left < LANES ? left : LANES;
+        float8 sums[9];
+        for (int k = 0; k < 9; k++)
+            sums[k] =
+                lanes_load(changes->parts[k] + first) + lanes_load(changes->parts[k] + first + 1);
+        float last[LANES];
+        lanes_store(last, sums[8]);
+        lanes_transpose(sums);
+        for (uint32_t i = 0; i < used; i++) {
+            float *fan = (float *)&c->vertices[ring->vertices[first + i]].fan; /* nine of them */
+            lanes_store(fan, lanes_load(fan) + sums[i]);
+            fan[8] += last[i];
+        }
     }
 }
 
 LANES_INLINE void update_fans(struct collapse *c, const struct edge_change *change, uint32_t kept)
 {
-    float fresh[9][EDGE_LANES] = {{0}};
-    struct fan_lanes change_by;
+    float8 fresh[9] = {{0}};
+    struct fan_changes changes;
     for (int end = 0; end < 2; end++) {
-        const struct ring *ring = &change->looks[end]->ring;
-        compare_fans(change, end, &change_by, fresh);
-        for (uint32_t i = 0; i < ring->count; i++) {
-            struct fan *fan = &c->vertices[ring->vertices[i]].fan;
-            for (int k = 0; k < 6; k++)
-                fan->square[k] += change_by.sum[k][i];
-            for (int k = 0; k < 3; k++)
-                fan->normal[k] += change_by.sum[6 + k][i];
-        }
+        compare_fans(change, end, &changes, fresh);
+        change_fans(c, &change->looks[end]->ring, &changes);
     }
     struct fan *fan = &c->vertices[kept].fan;
     for (int k = 0; k < 6; k++)
