@@ -54,6 +54,8 @@ enum status check_topology(struct context *ctx, const spbm_topology_options *opt
         return fail(ctx, STATUS_MISUSE, "the zip tolerance must be a length");
     if (!is_asked)
         return fail(ctx, STATUS_MISUSE, "nothing is asked for: no size is given");
+    if (options->smooth_features && !(options->max_feature.value > 0))
+        return fail(ctx, STATUS_MISUSE, "smooth features go below a size, which is not given");
     if ((unsigned)options->size > SPBM_SIZE_EXTENT)
         return fail(ctx, STATUS_MISUSE, "there is no way %d to measure a loop", (int)options->size);
     if (!(options->sharp_angle[0] > 0 && options->sharp_angle[0] < options->sharp_angle[1] &&
@@ -75,6 +77,7 @@ struct topology_options make_topology(const spbm_topology_options *from)
     options.measure = (enum loop_measure)from->size;
     memcpy(options.sharp_angle, from->sharp_angle, sizeof options.sharp_angle);
     options.remove_pipes = from->remove_pipes != 0;
+    options.smooth_features = from->smooth_features != 0;
     options.drop_components = make_length(&from->drop_components);
     options.close_cracks = make_length(&from->close_cracks);
     options.zip_tolerance = make_length(&from->zip_tolerance);

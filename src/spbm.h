@@ -87,10 +87,10 @@ typedef enum spbm_message_kind {
  * never two of progress and message at a time; they must not call the library with the same job.
  */
 typedef struct spbm_settings {
-    /* Budget in bytes; 0: no limit. It is what the whole process may have resident: some MiB are set
-     * aside for code, libraries and threads, and calls get the rest. Stages that need more than that
-     * with one thread fail with SPBM_NO_MEMORY and say what they need; else they use as many of the
-     * threads as fit. */
+    /* Budget in bytes; 0: no limit. It is what the whole process may have resident: some MiB are
+     * set aside for code, libraries and threads, and calls get the rest. Stages that need more than
+     * that with one thread fail with SPBM_NO_MEMORY and say what they need; else they use as many
+     * of the threads as fit. */
     uint64_t memory;
     uint32_t threads;    /* at least 1 */
     uint32_t cpu_cap;    /* highest vector level to use, for tests; UINT32_MAX: no cap */
@@ -148,8 +148,8 @@ typedef struct spbm_stage {
     double wall_seconds;
     double cpu_seconds;   /* of all threads of the process */
     uint64_t memory_peak; /* most bytes that the job had allocated or mapped so far */
-    uint32_t threads;     /* that it used: fewer than asked for where the memory has room for fewer */
-    int resumed;          /* not done: an earlier run had finished it */
+    uint32_t threads; /* that it used: fewer than asked for where the memory has room for fewer */
+    int resumed;      /* not done: an earlier run had finished it */
 } spbm_stage;
 
 /* What import dropped and mended. All are counts. */
@@ -425,8 +425,10 @@ typedef struct spbm_topology_options {
     spbm_import_options import;
     spbm_length max_feature; /* holes, bumps and cavities all of whose loops are smaller go */
     spbm_loop_size size;
-    double sharp_angle[2];       /* degrees: edges in between are sharp; default 45, 180 */
-    int remove_pipes;            /* what is solid between two loops, too */
+    double sharp_angle[2]; /* degrees: edges in between are sharp; default 45, 180 */
+    int remove_pipes;      /* what is solid between two loops, too */
+    int smooth_features;   /* also handles and tunnels without sharp rims whose shortest loop is
+                              smaller than max_feature */
     spbm_length drop_components; /* whole components whose box has a smaller diagonal go */
     spbm_length close_cracks;    /* border loops that are smaller are filled */
     spbm_length zip_tolerance;   /* how far apart the two sides of a crack may lie that become one
@@ -479,8 +481,8 @@ typedef struct spbm_simplify_options {
     spbm_target target;
     spbm_patch_options patch;
     spbm_lod_options lod;
-    const char *keep_dir; /* NULL: store and chain file are temporary; else they are kept there as
-                             mesh.store and mesh.chains, and the directory is made if need be */
+    const char *keep_dir;   /* NULL: store and chain file are temporary; else they are kept there as
+                               mesh.store and mesh.chains, and the directory is made if need be */
     const char *resume_dir; /* NULL: a run that does not finish leaves nothing. Else finished stages
                                are kept in a folder there, named by inputs and options, while the
                                run lasts; if it ends otherwise than by finishing (even by SIGKILL)

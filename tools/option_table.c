@@ -94,6 +94,9 @@ const struct option_row option_rows[] = {
      "keep what is solid between two loops (default: on)"},
     {OPTION_REMOVE_PIPES, GROUP_TOPOLOGY, 0, "remove-pipes", NULL,
      "remove it, too, like a hole (default: off)"},
+    {OPTION_SMOOTH_FEATURES, GROUP_TOPOLOGY, 0, "smooth-features", NULL,
+     "with --max-feature: also handles and tunnels without sharp rims,\n"
+     "by their shortest loop (default: off)"},
     {OPTION_DROP_COMPONENTS, GROUP_TOPOLOGY, 0, "drop-components", "SIZE",
      "drop components whose box has a smaller diagonal"},
     {OPTION_CLOSE_CRACKS, GROUP_TOPOLOGY, 0, "close-cracks", "SIZE",

@@ -247,6 +247,9 @@ static void take_topology_option(struct parser *parser, const struct option_row 
     case OPTION_CRACK_SIZE:
         topology->crack_inscribed = read_word(parser, row->name, value, cracks) == 1;
         break;
+    case OPTION_SMOOTH_FEATURES:
+        topology->smooth_features = 1;
+        break;
     case OPTION_ZIP_TOLERANCE:
         take_tolerance(parser, row->name, value, &topology->zip_tolerance);
         break;

@@ -12,6 +12,7 @@
 #include "mesh/import.h"
 #include "simplify/simplify.h"
 #include "simplify/topology_cracks.h"
+#include "simplify/topology_handles.h"
 #include "simplify/topology_planes.h"
 #include "simplify/topology_surgery.h"
 #include "simplify/topology_zip.h"
@@ -123,6 +124,8 @@ static enum status find_features(struct run *run)
     if (status == STATUS_OK && rims.size > 0)
         status =
             features_find(&run->graph, &rims, !options->remove_pipes, run->of_patch, &run->list);
+    if (status == STATUS_OK && rims.size > 0 && options->smooth_features)
+        status = handles_find(&run->graph, rims.size, run->of_patch, &run->list);
     return status;
 }
 

@@ -114,6 +114,7 @@ static struct topology_options all_topology(void)
     struct topology_options options;
     topology_defaults(&options);
     options.max_feature.value = 0.7;
+    options.smooth_features = true;
     options.drop_components.value = 0.5;
     options.close_cracks.value = 1;
     options.merge_coplanar = true;
