@@ -115,7 +115,9 @@ static enum status find_features(struct run *run)
                                .noise = noise_share * diagonal_of(run->info),
                                .measure = options->measure};
     enum status status = STATUS_OK;
-    cosines_of(run, options->sharp_angle, rims.sharp_cosine);
+    /* Chamfers of exactly 45 degrees are everywhere: rounding must not make them sharp. */
+    const double sharp[2] = {options->sharp_angle[0] + 0.1, options->sharp_angle[1]};
+    cosines_of(run, sharp, rims.sharp_cosine);
     if (options->sharp_angle[1] >= 180)
         rims.sharp_cosine[1] = -2;
     if (options->drop_components.value > 0)

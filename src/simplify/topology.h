@@ -46,7 +46,8 @@ struct length_option {
 struct topology_options {
     struct length_option max_feature; /* features all of whose loops are smaller go */
     enum loop_measure measure;
-    double sharp_angle[2]; /* degrees: an edge is sharp between the two; default 45, 180 */
+    double sharp_angle[2]; /* degrees: an edge is sharp between the two, by more than a tenth of a
+                              degree; default 45, 180 */
     bool remove_pipes;     /* also what is solid between two loops */
     bool smooth_features;  /* also smooth handles and tunnels that are smaller than max_feature */
     struct length_option drop_components; /* whole components whose box has a smaller diagonal go */
