@@ -133,6 +133,22 @@ static void *begin_member(void *argument)
     return NULL;
 }
 
+/* Signals are the business of the caller's thread, but for those that a fault of the thread's own
+ * raises. */
+bool thread_begin(pthread_t *thread, void *(*main_of)(void *argument), void *argument)
+{
+    sigset_t blocked, before;
+    sigfillset(&blocked);
+    sigdelset(&blocked, SIGSEGV);
+    sigdelset(&blocked, SIGBUS);
+    sigdelset(&blocked, SIGFPE);
+    sigdelset(&blocked, SIGILL);
+    pthread_sigmask(SIG_SETMASK, &blocked, &before);
+    int error = pthread_create(thread, NULL, main_of, argument);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    return error == 0;
+}
+
 /* Runs the team on up to `threads` threads and waits for all of them. */
 static enum status run_team(struct team *team, unsigned threads)
 {
@@ -144,31 +160,14 @@ static enum status run_team(struct team *team, unsigned threads)
     pthread_mutex_init(&team->lock, NULL);
     pthread_cond_init(&team->changed, NULL);
 
-    /* Signals are the business of the caller's thread, but for those that a fault of the thread's
-     * own raises. */
-    sigset_t blocked, before;
-    sigfillset(&blocked);
-    sigdelset(&blocked, SIGSEGV);
-    sigdelset(&blocked, SIGBUS);
-    sigdelset(&blocked, SIGFPE);
-    sigdelset(&blocked, SIGILL);
-    pthread_sigmask(SIG_SETMASK, &blocked, &before);
-    pthread_attr_t attributes;
-    bool has_attributes = pthread_attr_init(&attributes) == 0;
-    if (has_attributes)
-        (void)pthread_attr_setstacksize(&attributes, STACK_BYTES);
     unsigned created = 1;
     for (; created < threads; created++) {
         struct member *member = &members[created];
         member->team = team;
         member->worker = created;
-        if (pthread_create(&member->thread, has_attributes ? &attributes : NULL, begin_member,
-                           member) != 0)
+        if (!thread_begin(&member->thread, begin_member, member))
             break;
     }
-    if (has_attributes)
-        pthread_attr_destroy(&attributes);
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
 
     run(team, 0);
     for (unsigned i = 1; i < created; i++)

@@ -5,7 +5,12 @@
 #ifndef SPBM_BASE_PARALLEL_H
 #define SPBM_BASE_PARALLEL_H
 
+#include <pthread.h>
+
 #include "report.h"
+
+/* A thread of its own, which takes no signals; to be joined. False when the system refuses it. */
+bool thread_begin(pthread_t *thread, void *(*main_of)(void *argument), void *argument);
 
 /* Calls work(user, job, worker) for every job in [0, jobs), from up to ctx->threads threads
  * (worker is their number, below ctx->threads); the first failure stops the handing out of further

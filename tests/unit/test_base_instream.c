@@ -110,6 +110,7 @@ static void expect_bytes(struct place *place, const char *path, const unsigned c
         struct instream *stream;
         if (ways[w][1] < 1000 && size > 1000000)
             continue;
+        place->ctx.threads = 1 + w % 2; /* gzip: inflated by the way, or ahead */
         assert_int_equal(instream_open(&place->ctx, path, &stream), STATUS_OK);
         read_all(stream, data, size, ways[w][0], ways[w][1]);
         size_t raw_size;
@@ -250,6 +251,7 @@ static void damaged_gzip_is_refused(void **state)
     for (size_t cut = 2; cut < used; cut++) {
         struct context ctx;
         context_init(&ctx);
+        ctx.threads = 1 + cut % 2;
         file_write(place->path, packed, cut);
         assert_int_equal(drain(&ctx, place->path), STATUS_BAD_INPUT);
         assert_non_null(strstr(ctx.error, "cut off"));
@@ -260,6 +262,7 @@ static void damaged_gzip_is_refused(void **state)
     for (size_t at = 10; at < used; at++) {
         struct context ctx;
         context_init(&ctx);
+        ctx.threads = 1 + at % 2;
         packed[at] ^= (unsigned char)(1 << at % 8);
         file_write(place->path, packed, used);
         assert_int_equal(drain(&ctx, place->path), STATUS_BAD_INPUT);
@@ -268,6 +271,48 @@ static void damaged_gzip_is_refused(void **state)
         context_clear(&ctx);
     }
     free(data);
+}
+
+/* Damage far behind is not told before what stands in front of it has been read, and a reader may
+ * stop anywhere. */
+static void inflating_ahead_is_not_seen(void **state)
+{
+    struct place *place = *state;
+    size_t size = 5000000;
+    unsigned char *data = pattern(size), *packed = malloc(size);
+    size_t used = pack(data, size, packed, size);
+    file_write(place->path, packed, used / 2);
+    uint64_t ends[2];
+    for (unsigned threads = 1; threads <= 2; threads++) {
+        for (int stop = 0; stop < 2; stop++) {
+            struct context ctx;
+            struct instream *stream;
+            context_init(&ctx);
+            ctx.threads = threads;
+            assert_int_equal(instream_open(&ctx, place->path, &stream), STATUS_OK);
+            enum status status = STATUS_OK;
+            while (status == STATUS_OK && !(stop && instream_position(stream) > 1000000)) {
+                const unsigned char *visible;
+                size_t available;
+                assert_int_equal(ctx.failed, STATUS_OK);
+                status = instream_peek(stream, 1, &visible, &available);
+                if (status == STATUS_OK)
+                    instream_take(stream, available < 1000 ? available : 1000);
+            }
+            assert_int_equal(status, stop ? STATUS_OK : STATUS_BAD_INPUT);
+            assert_int_equal(ctx.failed, status);
+            if (!stop)
+                assert_non_null(strstr(ctx.error, "cut off"));
+            if (!stop)
+                ends[threads - 1] = instream_position(stream);
+            instream_close(&stream);
+            assert_int_equal(ctx.memory_now, 0);
+            context_clear(&ctx);
+        }
+    }
+    assert_int_equal(ends[0], ends[1]);
+    free(data);
+    free(packed);
 }
 
 static void what_cannot_be_read_has_words(void **state)
@@ -314,6 +359,7 @@ int main(void)
         TEST(gzip_members_are_joined),
         TEST(pipes_may_give_one_byte_at_a_time),
         TEST(damaged_gzip_is_refused),
+        TEST(inflating_ahead_is_not_seen),
         TEST(what_cannot_be_read_has_words),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
