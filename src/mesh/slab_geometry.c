@@ -96,39 +96,63 @@ static void add_noise(const struct draft *draft, const struct slab_scope *scope,
     measures->noise_count++;
 }
 
+/* Squares of some faces, whose roots are taken together: a root at a time waits for the one before,
+ * and what is put together for a vector just then waits for its stores. */
+enum { ROOTS = 64 };
+
+struct squares {
+    double areas[ROOTS]; /* of the cross products, a face */
+    double edges[3 * ROOTS + 3];
+    uint32_t face_count;
+    uint32_t edge_count;
+};
+
+static void take_roots(double *values, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++)
+        values[i] = sqrt(values[i]);
+}
+
+static void sum_roots(struct squares *squares, struct slab_measures *measures)
+{
+    take_roots(squares->areas, squares->face_count);
+    take_roots(squares->edges, squares->edge_count);
+    for (uint32_t i = 0; i < squares->face_count; i++)
+        measures->area += squares->areas[i] / 2;
+    for (uint32_t i = 0; i < squares->edge_count; i++)
+        measures->edge_length += squares->edges[i];
+    measures->edge_count += squares->edge_count;
+    squares->face_count = squares->edge_count = 0;
+}
+
 void measure_slab(const struct draft *draft, const struct slab_scope *scope, const float *own,
                   const float *foreign, struct slab_measures *measures)
 {
-    double area = 0, edge_length = 0;
-    uint64_t edge_count = 0, zero_area = 0;
     const uint32_t first = scope->face_first;
     const uint32_t spacing = scope->face_count / NOISE_SAMPLES + 1;
+    struct squares squares = {.face_count = 0};
+    *measures = (struct slab_measures){0};
     for (uint32_t i = 0; i < scope->face_count; i++) {
         const size_t f = (size_t)first + i;
         const uint32_t *face = draft->faces + 3 * f;
+        const uint32_t *over = draft->neighbours + 3 * f;
         struct vec3 p[3], along[3];
         for (int k = 0; k < 3; k++)
             p[k] = position_of(scope, own, foreign, face[k]);
         for (unsigned k = 0; k < 3; k++)
             along[k] = vec3_sub(p[next3(k)], p[k]);
         struct vec3 cross = vec3_cross(along[0], along[1]);
-        double roots[4] = {vec3_dot(along[0], along[0]), vec3_dot(along[1], along[1]),
-                           vec3_dot(along[2], along[2]), vec3_dot(cross, cross)};
-        for (int k = 0; k < 4; k++) /* in vectors */
-            roots[k] = sqrt(roots[k]);
-        area += roots[3] / 2;
-        zero_area += (cross.x == 0) & (cross.y == 0) & (cross.z == 0);
-        /* Half of the edges are the neighbours': to add 0 is cheaper than to guess which. */
+        squares.areas[squares.face_count++] = vec3_dot(cross, cross);
+        measures->zero_area_faces += (cross.x == 0) & (cross.y == 0) & (cross.z == 0);
+        /* Half of the edges are the neighbours', and the next one takes their place. */
         for (unsigned k = 0; k < 3; k++) {
-            bool is_ours = draft->neighbours[3 * f + k] >= f;
-            edge_length += is_ours ? roots[k] : 0;
-            edge_count += is_ours;
+            squares.edges[squares.edge_count] = vec3_dot(along[k], along[k]);
+            squares.edge_count += over[k] >= f;
         }
+        if (squares.face_count == ROOTS)
+            sum_roots(&squares, measures);
     }
-    *measures = (struct slab_measures){.area = area,
-                                       .edge_length = edge_length,
-                                       .edge_count = edge_count,
-                                       .zero_area_faces = zero_area};
+    sum_roots(&squares, measures);
     for (uint32_t i = 0; i < scope->face_count; i += spacing)
         add_noise(draft, scope, own, foreign, first + i, measures);
 }
