@@ -153,7 +153,7 @@ void chain_set_write(const struct chain_set *set, const char *path, int level)
     for (uint32_t i = 0; i < count; i++) {
         unsigned char *packed;
         size_t size;
-        must(chain_block_pack(set->ctx, &set->blocks[i], stride, level, &packed, &size));
+        must(chain_block_pack(set->ctx, &set->blocks[i], stride, level, NULL, 0, &packed, &size));
         must(chain_writer_block(writer, packed, size));
         memory_release(set->ctx, &packed, size, 1);
     }

@@ -101,6 +101,13 @@ enum status store_crc(struct store *store, uint32_t *crc) MUST_CHECK;
 enum status slab_open(struct store *store, uint32_t index, struct slab *slab) MUST_CHECK;
 void slab_close(struct slab *slab); /* unmaps it; safe when all zero */
 
+/* The same, but read into `buffer`, slab_size(...) bytes on a multiple of 16, which the slab
+ * then points into: for those who go over it once and have room that they will use again. */
+uint64_t slab_size(const struct store *store, uint32_t index, uint32_t *face_count,
+                   uint32_t *vertex_count); /* foreign ones, too */
+enum status slab_read(struct store *store, uint32_t index, void *buffer,
+                      struct slab *slab) MUST_CHECK;
+
 /* Position of any vertex that the slab uses. `foreign_records` are not kept in a slab: use
  * store_record for a foreign vertex's attributes. */
 const float *slab_position(const struct slab *slab, uint32_t vertex);

@@ -227,13 +227,14 @@ static enum status settle_seams(struct store *store, uint64_t seams)
     return STATUS_OK;
 }
 
-static enum status check_slab(struct store *store, const struct slab *slab)
+/* `block` and `size`: the slab's bytes. */
+static enum status check_slab(struct store *store, const struct slab *slab, const void *block,
+                              uint64_t size)
 {
     if (atomic_load_explicit(&store->is_checked[slab->index], memory_order_acquire))
         return STATUS_OK;
-    const struct window *window = &slab->windows[0];
     if (store->verify &&
-        !checksum_agrees(checksum(0, window->data, window->size), store->entries[slab->index].crc))
+        !checksum_agrees(checksum(0, block, (size_t)size), store->entries[slab->index].crc))
         return store_slab_damaged(store, slab->index, "its checksum is wrong");
     uint64_t seams;
     const char *wrong = slab_judge(slab, store->info.topology.faces, &seams);
@@ -244,37 +245,74 @@ static enum status check_slab(struct store *store, const struct slab *slab)
     return settle_seams(store, seams);
 }
 
-enum status slab_open(struct store *store, uint32_t index, struct slab *slab)
+static enum status no_slab(struct store *store, uint32_t index)
 {
-    memset(slab, 0, sizeof *slab);
-    if (index >= store->info.slab_count)
-        return fail(store->ctx, STATUS_MISUSE, "there is no slab %lu", (unsigned long)index);
+    return fail(store->ctx, STATUS_MISUSE, "there is no slab %lu", (unsigned long)index);
+}
+
+/* Fills in the slab whose bytes are at `block`, and checks it. */
+static enum status point_into(struct store *store, uint32_t index, const struct slab_layout *layout,
+                              const unsigned char *block, struct slab *slab)
+{
     const struct slab_entry *entry = &store->entries[index];
-    struct slab_layout layout;
-    slab_layout_find(entry, store->info.attributes.stride, &layout);
-    struct window *window = &slab->windows[0];
-    enum status status =
-        window_open(&store->reader.file, store->slabs->offset + entry->offset, layout.size, window);
-    if (status != STATUS_OK)
-        return status;
-    const unsigned char *block = window->data;
     slab->index = index;
     slab->face_first = (uint32_t)((uint64_t)index << store->info.slab_shift);
     slab->face_count = entry->face_count;
     slab->vertex_first = entry->vertex_first;
     slab->vertex_end = entry->vertex_first + entry->vertex_count;
     slab->foreign_count = entry->foreign_count;
-    slab->faces = (const uint32_t *)(const void *)(block + layout.faces);
-    slab->neighbours = (const uint32_t *)(const void *)(block + layout.neighbours);
-    slab->mates = block + layout.mates;
-    slab->positions = (const float *)(const void *)(block + layout.positions);
-    slab->foreign = (const uint32_t *)(const void *)(block + layout.foreign);
-    slab->foreign_positions = (const float *)(const void *)(block + layout.foreign_positions);
-    slab->records = store->info.attributes.stride ? block + layout.records : NULL;
-    status = check_slab(store, slab);
+    slab->faces = (const uint32_t *)(const void *)(block + layout->faces);
+    slab->neighbours = (const uint32_t *)(const void *)(block + layout->neighbours);
+    slab->mates = block + layout->mates;
+    slab->positions = (const float *)(const void *)(block + layout->positions);
+    slab->foreign = (const uint32_t *)(const void *)(block + layout->foreign);
+    slab->foreign_positions = (const float *)(const void *)(block + layout->foreign_positions);
+    slab->records = store->info.attributes.stride ? block + layout->records : NULL;
+    enum status status = check_slab(store, slab, block, layout->size);
     if (status != STATUS_OK)
         slab_close(slab);
     return status;
+}
+
+enum status slab_open(struct store *store, uint32_t index, struct slab *slab)
+{
+    memset(slab, 0, sizeof *slab);
+    if (index >= store->info.slab_count)
+        return no_slab(store, index);
+    struct slab_layout layout;
+    slab_layout_find(&store->entries[index], store->info.attributes.stride, &layout);
+    struct window *window = &slab->windows[0];
+    enum status status =
+        window_open(&store->reader.file, store->slabs->offset + store->entries[index].offset,
+                    layout.size, window);
+    return status != STATUS_OK ? status : point_into(store, index, &layout, window->data, slab);
+}
+
+uint64_t slab_size(const struct store *store, uint32_t index, uint32_t *face_count,
+                   uint32_t *vertex_count)
+{
+    struct slab_layout layout = {0};
+    *face_count = *vertex_count = 0;
+    if (index < store->info.slab_count) {
+        const struct slab_entry *entry = &store->entries[index];
+        slab_layout_find(entry, store->info.attributes.stride, &layout);
+        *face_count = entry->face_count;
+        *vertex_count = entry->vertex_count + entry->foreign_count;
+    }
+    return layout.size;
+}
+
+enum status slab_read(struct store *store, uint32_t index, void *buffer, struct slab *slab)
+{
+    memset(slab, 0, sizeof *slab);
+    if (index >= store->info.slab_count)
+        return no_slab(store, index);
+    struct slab_layout layout;
+    slab_layout_find(&store->entries[index], store->info.attributes.stride, &layout);
+    enum status status =
+        input_read(&store->reader.file, store->slabs->offset + store->entries[index].offset, buffer,
+                   (size_t)layout.size);
+    return status != STATUS_OK ? status : point_into(store, index, &layout, buffer, slab);
 }
 
 void slab_close(struct slab *slab)

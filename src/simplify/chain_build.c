@@ -59,19 +59,23 @@ static void count_block(struct chain_info *info, const struct chain_block *block
     info->most_faces = counts->most_faces;
 }
 
-static enum status make_block(struct build *build, const struct slab *slab, struct worker *worker,
+static enum status make_block(struct build *build, uint32_t index, struct worker *worker,
                               struct result *result)
 {
+    struct slab slab = {0};
     struct context *ctx = build->ctx;
     struct chain_block block;
     struct trace_counts counts;
-    enum status status = patch_growth_begin(ctx, slab, &build->options, &worker->grow);
+    enum status status =
+        patch_growth_open(ctx, build->store, index, &build->options, &worker->grow, &slab);
     if (!status)
-        status = chain_trace(ctx, build->store, build->stride, slab, &worker->grow, &worker->trace,
+        status = chain_trace(ctx, build->store, build->stride, &slab, &worker->grow, &worker->trace,
                              &block, &result->seams, &counts);
     if (!status)
-        status = chain_block_pack(ctx, &block, build->stride, build->level, &result->packed,
-                                  &result->packed_size);
+        status =
+            chain_block_pack(ctx, &block, build->stride, build->level, worker->grow.room,
+                             worker->grow.room_capacity, &result->packed, &result->packed_size);
+    slab_close(&slab);
     if (!status)
         count_block(&result->counts, &block, &counts);
     return status;
@@ -80,13 +84,8 @@ static enum status make_block(struct build *build, const struct slab *slab, stru
 static enum status work(void *user, uint64_t job, unsigned worker)
 {
     struct build *build = user;
-    struct slab slab = {0};
-    enum status status = slab_open(build->store, (uint32_t)job, &slab);
-    if (!status)
-        status = make_block(build, &slab, &build->workers[worker],
-                            &build->results[job % build->in_flight]);
-    slab_close(&slab);
-    return status;
+    return make_block(build, (uint32_t)job, &build->workers[worker],
+                      &build->results[job % build->in_flight]);
 }
 
 static void clear_result(struct build *build, struct result *result)
@@ -164,11 +163,48 @@ static void fill_info(struct chain_info *info, const struct store_info *store,
     memcpy(info->targets, target->values, target->count * sizeof *target->values);
 }
 
-static uint64_t seam_limit(const struct context *ctx)
+/*
+ * Memory, in bytes of a slab of F = 2^18 faces that a worker has in hand, the worst being that
+ * every face is a patch of its own:
+ *
+ *     faces, links, normals and their spare      4 * 16 F   (the last three serve twice over)
+ *     positions                                      6 F
+ *     chains and patches, an eighth to spare  1.125 * (1.5 * 24 + 44) F
+ *     the block's vertices                           8 F
+ *     packed, waiting to be written             2 * 12 F
+ *
+ * which is 48 MiB; with attributes the slab is mapped (31 F), and their records lie in slab, block
+ * and packed block. What is shared is the seams' least, the sample that angles are fitted to, the
+ * writer and what there is of each slab: 64 bytes.
+ */
+enum { WORKER_MEMORY = 46 << 20, MAPPED_MEMORY = 8 << 20, SHARED_MEMORY = 6 << 20 };
+
+uint64_t chain_build_least_memory(unsigned threads, uint32_t stride)
 {
-    uint64_t limit = ctx->memory_budget / 8;
+    const uint64_t records = 3 * (uint64_t)SLAB_FACES * stride;
+    return SHARED_MEMORY +
+           (uint64_t)threads * (WORKER_MEMORY + records + (stride ? MAPPED_MEMORY : 0));
+}
+
+/* Fewer than asked for where that is all that the budget, or the number of slabs, has room for. */
+static unsigned choose_workers(const struct context *ctx, uint32_t stride, uint32_t slab_count)
+{
+    unsigned workers = ctx->threads ? ctx->threads : 1;
+    if (workers > slab_count)
+        workers = slab_count ? slab_count : 1;
+    while (workers > 1 && chain_build_least_memory(workers, stride) > ctx->memory_budget)
+        workers--;
+    return workers;
+}
+
+/* Half of what workers leave. */
+static uint64_t seam_limit(const struct build *build)
+{
+    const uint64_t budget = build->ctx->memory_budget;
+    const uint64_t taken = chain_build_least_memory(build->worker_count, build->stride);
+    const uint64_t limit = budget > taken ? (budget - taken) / 2 : 0;
     if (limit > SEAM_LIMIT_MAX)
-        limit = SEAM_LIMIT_MAX;
+        return SEAM_LIMIT_MAX;
     return limit < SEAM_LIMIT_MIN ? SEAM_LIMIT_MIN : limit;
 }
 
@@ -207,8 +243,9 @@ static enum status open_all(struct build *build, const char *store_path, const c
     build->stride = store->attributes.stride;
     build->slab_count = store->slab_count;
     build->level = request->level;
-    build->worker_count = ctx->threads ? ctx->threads : 1;
-    build->in_flight = 2 * build->worker_count;
+    build->worker_count = choose_workers(ctx, build->stride, build->slab_count);
+    /* One for each at work, and one to be written; no more threads are used than are in flight. */
+    build->in_flight = build->worker_count + (build->worker_count == ctx->threads);
     status = store_crc(build->store, &build->info.store_crc);
     if (!status)
         status =
@@ -219,7 +256,8 @@ static enum status open_all(struct build *build, const char *store_path, const c
         status = chain_writer_open(ctx, chain_path, build->level, build->slab_count, build->stride,
                                    &build->writer);
     if (!status)
-        status = seam_join_open(ctx, chain_path, seam_limit(ctx), build->slab_count, &build->join);
+        status =
+            seam_join_open(ctx, chain_path, seam_limit(build), build->slab_count, &build->join);
     return status;
 }
 
@@ -235,14 +273,6 @@ static void release_workers(struct build *build)
         clear_result(build, &build->results[i]);
     memory_release(ctx, &build->workers, build->worker_count, sizeof *build->workers);
     memory_release(ctx, &build->results, build->in_flight, sizeof *build->results);
-}
-
-/* Measured: windows, labels and the tables of growing and tracing of one slab, and two results a
- * thread that wait for their turn. */
-uint64_t chain_build_least_memory(unsigned threads, uint32_t stride)
-{
-    const uint64_t slab_vertices = SLAB_FACES;
-    return (8 << 20) + (uint64_t)threads * ((56 << 20) + slab_vertices * stride);
 }
 
 enum status chain_build(struct context *ctx, const char *store_path, const char *chain_path,

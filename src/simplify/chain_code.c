@@ -406,46 +406,75 @@ static const char *get_seam_vertices(struct source *source, struct chain_block *
     return NULL;
 }
 
-enum status chain_block_encode(struct context *ctx, const struct chain_block *block,
-                               uint32_t stride, unsigned char **raw, size_t *capacity, size_t *size)
+/* Bytes of a number that counts something below `limit`, zigzag coded, shifted and raised by 2. */
+static size_t number_bytes(uint64_t limit)
+{
+    return limit <= 1u << 18 ? 3 : SMALL_NUMBER_MAX;
+}
+
+/* The most bytes that the block can take. */
+static size_t most_bytes(const struct chain_block *block, uint32_t stride)
+{
+    uint64_t limit = block->vertex_count;
+    limit = limit < block->patch_count ? block->patch_count : limit;
+    return SMALL_NUMBER_MAX * (8 + (size_t)block->seam_vertex_count) +
+           number_bytes(limit) * (5 * (size_t)block->chain_count + 2 * (size_t)block->patch_count +
+                                  2 * (size_t)block->diagonal_count) +
+           12 * (size_t)block->patch_count + (12 + (size_t)stride) * block->vertex_count;
+}
+
+static enum status put_block(struct context *ctx, const struct chain_block *block, uint32_t stride,
+                             struct sink *sink)
 {
     uint32_t chain_interiors = 0, patch_interiors = 0;
     for (uint32_t i = 0; i < block->chain_count; i++)
         chain_interiors += block->chains[i].interior_count;
     for (uint32_t p = 0; p < block->patch_count; p++)
         patch_interiors += block->patches[p].interior_count;
-    *capacity = (size_t)SMALL_NUMBER_MAX *
-                    (8 + block->seam_vertex_count + 5 * (size_t)block->chain_count +
-                     2 * (size_t)block->patch_count + 2 * (size_t)block->diagonal_count) +
-                12 * (size_t)block->patch_count + (12 + (size_t)stride) * block->vertex_count;
-    enum status status = memory_take(ctx, *capacity, 1, raw);
+    put(sink, block->junction_count);
+    put(sink, block->seam_vertex_count);
+    put(sink, chain_interiors);
+    put(sink, patch_interiors);
+    put(sink, block->chain_count);
+    put(sink, block->patch_count);
+    put(sink, block->diagonal_count);
+    put_seam_vertices(sink, block);
+    enum status status = put_chains(ctx, sink, block);
+    if (!status)
+        status = put_patches(ctx, sink, block, patch_interiors);
     if (status)
         return status;
-    struct sink sink = {.at = *raw};
-    put(&sink, block->junction_count);
-    put(&sink, block->seam_vertex_count);
-    put(&sink, chain_interiors);
-    put(&sink, patch_interiors);
-    put(&sink, block->chain_count);
-    put(&sink, block->patch_count);
-    put(&sink, block->diagonal_count);
-    put_seam_vertices(&sink, block);
-    status = put_chains(ctx, &sink, block);
-    if (!status)
-        status = put_patches(ctx, &sink, block, patch_interiors);
-    if (status) {
-        memory_release(ctx, raw, *capacity, 1);
-        return status;
-    }
-    put_diagonals(&sink, block);
+    put_diagonals(sink, block);
     struct planes planes = {.positions = block->positions,
                             .records = block->records,
                             .stride = stride,
                             .count = block->vertex_count,
-                            .bytes = sink.at};
+                            .bytes = sink->at};
     code_vertices(&planes, block);
-    *size = (size_t)(sink.at - *raw) + (12 + (size_t)stride) * block->vertex_count;
+    sink->at += (12 + (size_t)stride) * block->vertex_count;
     return STATUS_OK;
+}
+
+enum status chain_block_encode(struct context *ctx, const struct chain_block *block,
+                               uint32_t stride, void *room, size_t room_size, unsigned char **raw,
+                               size_t *capacity, size_t *size)
+{
+    const size_t most = most_bytes(block, stride);
+    enum status status = STATUS_OK;
+    *capacity = 0;
+    *raw = room;
+    if (!room || most > room_size) {
+        status = memory_take(ctx, most, 1, raw);
+        if (status)
+            return status;
+        *capacity = most;
+    }
+    struct sink sink = {.at = *raw};
+    status = put_block(ctx, block, stride, &sink);
+    *size = (size_t)(sink.at - *raw);
+    if (status && *capacity)
+        memory_release(ctx, raw, *capacity, 1);
+    return status;
 }
 
 /* Reads the counts and checks them against what is there: each vertex, chain, patch and diagonal

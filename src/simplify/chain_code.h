@@ -10,12 +10,13 @@
 
 #include "simplify/chain_file.h"
 
-/* Encodes all but the seam chains. *raw (*capacity bytes, *size of them used) is released with
+/* Encodes all but the seam chains. The bytes are put into `room` (may be NULL) if `room_size` bytes
+ * are enough, *capacity is 0 then; else *raw (*capacity bytes, *size of them used) is released with
  * memory_release(ctx, &raw, capacity, 1). STATUS_INTERNAL when the block's order is not the one
  * that patch.h and chain_format.md ask for. */
 enum status chain_block_encode(struct context *ctx, const struct chain_block *block,
-                               uint32_t stride, unsigned char **raw, size_t *capacity,
-                               size_t *size) MUST_CHECK;
+                               uint32_t stride, void *room, size_t room_size, unsigned char **raw,
+                               size_t *capacity, size_t *size) MUST_CHECK;
 
 /* Fills *block, seam chains left out; `what` names file and block for messages. On failure there is
  * nothing to clear. */

@@ -58,9 +58,11 @@ struct chain_writer;
  * info, as it is known only then. Compression level 0: for files that live for one run. */
 enum status chain_writer_open(struct context *ctx, const char *path, int level, uint32_t slab_count,
                               uint32_t stride, struct chain_writer **out) MUST_CHECK;
-/* Packing can be done by any worker; writing is in order. */
+/* Packing can be done by any worker; writing is in order. `room` (may be NULL) is memory that it may
+ * use. */
 enum status chain_block_pack(struct context *ctx, const struct chain_block *block, uint32_t stride,
-                             int level, unsigned char **packed, size_t *size) MUST_CHECK;
+                             int level, void *room, size_t room_size, unsigned char **packed,
+                             size_t *size) MUST_CHECK;
 enum status chain_writer_block(struct chain_writer *writer, const unsigned char *packed, size_t size)
     MUST_CHECK;
 /* The seam fields of `block` only. */

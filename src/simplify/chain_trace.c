@@ -60,8 +60,6 @@ struct piece {
 
 void trace_workspace_clear(struct context *ctx, struct trace_workspace *scratch)
 {
-    memory_release(ctx, &scratch->codes, scratch->code_capacity, sizeof(uint32_t));
-    memory_release(ctx, &scratch->edges, scratch->edge_capacity, sizeof(uint32_t));
     memory_release(ctx, &scratch->loop, 2 * LOOP_SPACE, sizeof(uint32_t));
     memory_release(ctx, &scratch->inside, INSIDE_MAX, sizeof *scratch->inside);
     memory_release(ctx, &scratch->breaks, LOOP_MAX + 1, sizeof *scratch->breaks);
@@ -94,7 +92,6 @@ static enum status reserve(struct trace *trace)
 {
     struct context *ctx = trace->ctx;
     struct trace_workspace *scratch = trace->scratch;
-    const size_t vertices = trace->local->vertex_count;
     enum status status = STATUS_OK;
     if (!scratch->loop)
         status = memory_take(ctx, 2 * LOOP_SPACE, sizeof(uint32_t), &scratch->loop);
@@ -104,52 +101,55 @@ static enum status reserve(struct trace *trace)
         status = memory_take(ctx, LOOP_MAX + 1, sizeof *scratch->breaks, &scratch->breaks);
     if (!status && !scratch->pieces)
         status = memory_take(ctx, LOOP_MAX + 1, sizeof *scratch->pieces, &scratch->pieces);
-    if (!status)
-        status = memory_reserve(ctx, &scratch->codes, &scratch->code_capacity, vertices,
-                                sizeof *scratch->codes);
-    if (!status)
-        status = memory_reserve(ctx, &scratch->edges, &scratch->edge_capacity, vertices,
-                                sizeof *scratch->edges);
-    if (!status && vertices)
-        memset(scratch->edges, 0, vertices * sizeof *scratch->edges);
     return status;
 }
 
-/* Makes room for whatever a patch can add: rarely more than a few comparisons. (junction_code
- * writes one junction more than there are.) */
+/* Room in a vector, an eighth more than needed: what all slabs in flight have to spare counts. */
+static enum status make_room(struct context *ctx, void *vector, size_t *capacity, size_t needed,
+                             size_t size)
+{
+    if (needed <= *capacity)
+        return STATUS_OK;
+    const size_t wanted = needed + needed / 8 + 64;
+    enum status status = memory_resize(ctx, vector, *capacity, wanted, size);
+    *capacity = status ? *capacity : wanted;
+    return status;
+}
+
+/* Makes room for whatever a patch can add: rarely more than a few comparisons. */
 static enum status reserve_patch(struct trace *trace, const struct grown_patch *patch)
 {
     struct context *ctx = trace->ctx;
-    struct trace_workspace *scratch = trace->scratch;
-    const size_t edges = patch->edge_count, inner = 3 * (size_t)patch->face_count;
-    if (trace->chain_count + edges <= scratch->chain_capacity &&
-        trace->junction_count + edges < scratch->junction_capacity &&
-        trace->interior_count + edges <= scratch->interior_capacity &&
-        trace->seam_edge_count + edges <= scratch->seam_edge_capacity &&
-        trace->diagonal_count + inner <= scratch->diagonal_capacity &&
-        trace->patch_count < scratch->patch_capacity &&
-        trace->patch_interior_count < scratch->patch_interior_capacity)
+    struct trace_workspace *s = trace->scratch;
+    const size_t chains = trace->chain_count + patch->edge_count;
+    const size_t junctions = trace->junction_count + patch->edge_count;
+    const size_t interiors = trace->interior_count + patch->edge_count;
+    const size_t seam_edges = trace->seam_edge_count + patch->edge_count;
+    const size_t diagonals = trace->diagonal_count + 3 * (size_t)patch->face_count;
+    const size_t patches = trace->patch_count + 1, insides = trace->patch_interior_count + 1;
+    if (chains <= s->chain_capacity && junctions <= s->junction_capacity &&
+        interiors <= s->interior_capacity && seam_edges <= s->seam_edge_capacity &&
+        diagonals <= s->diagonal_capacity && patches <= s->patch_capacity &&
+        insides <= s->patch_interior_capacity)
         return STATUS_OK;
-    enum status status = memory_reserve(ctx, &scratch->chains, &scratch->chain_capacity,
-                                        trace->chain_count + edges, sizeof *scratch->chains);
+    enum status status = make_room(ctx, &s->chains, &s->chain_capacity, chains, sizeof *s->chains);
     if (!status)
-        status = memory_reserve(ctx, &scratch->junctions, &scratch->junction_capacity,
-                                trace->junction_count + edges + 1, sizeof *scratch->junctions);
+        status =
+            make_room(ctx, &s->junctions, &s->junction_capacity, junctions, sizeof *s->junctions);
     if (!status)
-        status = memory_reserve(ctx, &scratch->interiors, &scratch->interior_capacity,
-                                trace->interior_count + edges, sizeof *scratch->interiors);
+        status =
+            make_room(ctx, &s->interiors, &s->interior_capacity, interiors, sizeof *s->interiors);
     if (!status)
-        status = memory_reserve(ctx, &scratch->seam_edges, &scratch->seam_edge_capacity,
-                                trace->seam_edge_count + edges, sizeof *scratch->seam_edges);
+        status = make_room(ctx, &s->seam_edges, &s->seam_edge_capacity, seam_edges,
+                           sizeof *s->seam_edges);
     if (!status)
-        status = memory_reserve(ctx, &scratch->diagonals, &scratch->diagonal_capacity,
-                                trace->diagonal_count + inner, 2 * sizeof *scratch->diagonals);
+        status = make_room(ctx, &s->diagonals, &s->diagonal_capacity, diagonals,
+                           2 * sizeof *s->diagonals);
     if (!status)
-        status = memory_reserve(ctx, &scratch->patches, &scratch->patch_capacity,
-                                trace->patch_count + 1, sizeof *scratch->patches);
+        status = make_room(ctx, &s->patches, &s->patch_capacity, patches, sizeof *s->patches);
     if (!status)
-        status = memory_reserve(ctx, &scratch->patch_interiors, &scratch->patch_interior_capacity,
-                                trace->patch_interior_count + 1, sizeof *scratch->patch_interiors);
+        status = make_room(ctx, &s->patch_interiors, &s->patch_interior_capacity, insides,
+                           sizeof *s->patch_interiors);
     return status;
 }
 
@@ -470,6 +470,9 @@ enum status chain_trace(struct context *ctx, struct store *store, uint32_t strid
                           .scratch = scratch};
     memset(block, 0, sizeof *block);
     memset(seams, 0, sizeof *seams);
+    scratch->codes = space->vertex_room;
+    scratch->edges = space->vertex_room + space->local.vertex_count;
+    memset(scratch->edges, 0, space->local.vertex_count * sizeof *scratch->edges);
     enum status status = reserve(&trace);
     if (!status)
         status = trace_number_seams(&trace);

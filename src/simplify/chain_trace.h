@@ -34,10 +34,10 @@ struct slab_seams {
 /* Arrays of one worker, all zero before its first use, kept from slab to slab; a traced block lies
  * in them. */
 struct trace_workspace {
+    /* the first two lie in the room of growth */
     uint32_t *codes; /* a local vertex: trace_internal.h */
     uint32_t
-        *edges; /* a local vertex: where it starts an edge in the last boundary that it is on */
-    size_t code_capacity, edge_capacity;
+        *edges;     /* a local vertex: where it starts an edge in the last boundary that it is on */
     uint32_t *loop; /* one boundary in order: vertices, what lies over the edges; each twice over */
     uint32_t *breaks;     /* of the loop: where chains end */
     struct piece *pieces; /* of the loop */

@@ -62,23 +62,26 @@ void chain_writer_discard(struct chain_writer **writer)
     release(writer);
 }
 
-/* Raw bytes to a packed block; `raw` is released either way. */
+/* Raw bytes to a packed block; `raw` is released either way, unless its capacity is 0. */
 static enum status pack(struct context *ctx, unsigned char *raw, size_t capacity, size_t size,
                         int level, unsigned char **packed, size_t *packed_size)
 {
     enum status status =
         size > BLOCK_MAX ? fail(ctx, STATUS_BAD_INPUT, "a block of %zu bytes is too large", size)
                          : block_pack(ctx, raw, size, level, packed, packed_size);
-    memory_release(ctx, &raw, capacity, 1);
+    if (capacity)
+        memory_release(ctx, &raw, capacity, 1);
     return status;
 }
 
 enum status chain_block_pack(struct context *ctx, const struct chain_block *block, uint32_t stride,
-                             int level, unsigned char **packed, size_t *size)
+                             int level, void *room, size_t room_size, unsigned char **packed,
+                             size_t *size)
 {
     unsigned char *raw;
     size_t capacity, raw_size;
-    enum status status = chain_block_encode(ctx, block, stride, &raw, &capacity, &raw_size);
+    enum status status =
+        chain_block_encode(ctx, block, stride, room, room_size, &raw, &capacity, &raw_size);
     if (status)
         return status;
     return pack(ctx, raw, capacity, raw_size, level, packed, size);

@@ -127,7 +127,7 @@ static inline void add(struct growth *growth, uint32_t link, unsigned shared)
 {
     uint32_t apex = growth->faces[link];
     __builtin_prefetch(growth->links + (link & ~3u)); /* it will be expanded soon */
-    growth->marks[apex] = growth->patch; /* it is, if two edges are shared */
+    growth->marks[apex] = growth->patch;              /* it is, if two edges are shared */
     growth->boundary += shared == 1 ? 1 : -1u;
     growth->faces[link | LABEL] = growth->patch;
     growth->queue[growth->tail++] = (struct queued){link >> 2, shared == 1 ? apex : NO_INDEX};
@@ -299,44 +299,44 @@ static void set_options(struct growth *growth, const struct patch_options *optio
         growth->most_faces = PATCH_FACES_MAX;
 }
 
-static void release_arrays(struct context *ctx, struct patch_workspace *space)
+/* Makes room for a slab of so many faces and vertices, and its bytes. */
+static enum status reserve(struct context *ctx, struct patch_workspace *space, size_t faces,
+                           size_t vertices, size_t slab_bytes)
 {
-    memory_release(ctx, &space->normals, space->spare_capacity, sizeof(float));
-    memory_release(ctx, &space->spare, space->spare_capacity, sizeof(float));
-    memory_release(ctx, &space->candidates, bit_tree_words(space->face_capacity), sizeof(uint64_t));
-    space->face_capacity = space->spare_capacity = 0;
-}
-
-static enum status reserve(struct context *ctx, struct patch_workspace *space)
-{
-    size_t faces = (size_t)space->local.face_count + BEYOND_COUNT;
-    size_t spare = NORMAL_STRIDE * faces;
-    spare = spare < space->local.vertex_count ? space->local.vertex_count : spare;
+    faces += BEYOND_COUNT;
+    size_t half = NORMAL_STRIDE * sizeof(float) * faces; /* all parts on multiples of 16 */
+    if (half < 3 * sizeof(uint32_t) * vertices)
+        half = 4 * sizeof(uint32_t) * vertices;
+    const size_t links_at = 2 * half < slab_bytes ? (slab_bytes + 15) / 16 * 16 : 2 * half;
+    const size_t bytes = links_at + FACE_STRIDE * sizeof(uint32_t) * faces;
     enum status status = STATUS_OK;
-    if (faces > space->face_capacity || spare > space->spare_capacity) {
-        release_arrays(ctx, space);
-        space->face_capacity = faces;
-        space->spare_capacity = spare;
-        status = memory_take(ctx, spare, sizeof(float), &space->normals);
-        if (!status)
-            status = memory_take(ctx, spare, sizeof(float), &space->spare);
-        if (!status)
-            status = memory_take(ctx, bit_tree_words(faces), sizeof(uint64_t), &space->candidates);
-        if (status)
-            release_arrays(ctx, space);
+    if (bytes > space->room_capacity) {
+        memory_release(ctx, &space->room, space->room_capacity, 1);
+        space->room_capacity = 0;
+        status = memory_take(ctx, bytes, 1, &space->room);
+        space->room_capacity = status ? 0 : bytes;
     }
+    if (!status)
+        status = memory_reserve(ctx, &space->candidates, &space->candidate_capacity,
+                                bit_tree_words(faces), sizeof *space->candidates);
     if (!status && !space->queue)
         status = memory_take(ctx, QUEUE_SIZE, sizeof *space->queue, &space->queue);
     if (!status && !space->lists) /* as many vertices as faces, and the seed's other two */
         status = memory_take(ctx, 2 * QUEUE_SIZE + 3, sizeof *space->lists, &space->lists);
     if (!status && !space->boundary)
         status = memory_take(ctx, BOUNDARY_SIZE, sizeof *space->boundary, &space->boundary);
+    if (!status) {
+        space->normals = (float *)(void *)space->room;
+        space->spare = (float *)(void *)(space->room + half);
+        space->links = (uint32_t *)(void *)(space->room + links_at);
+    }
     return status;
 }
 
 void patch_workspace_clear(struct context *ctx, struct patch_workspace *space)
 {
-    release_arrays(ctx, space);
+    memory_release(ctx, &space->room, space->room_capacity, 1);
+    memory_release(ctx, &space->candidates, space->candidate_capacity, sizeof *space->candidates);
     memory_release(ctx, &space->queue, QUEUE_SIZE, sizeof *space->queue);
     memory_release(ctx, &space->lists, 2 * QUEUE_SIZE + 3, sizeof *space->lists);
     memory_release(ctx, &space->boundary, BOUNDARY_SIZE, sizeof *space->boundary);
@@ -350,6 +350,7 @@ static void begin(struct patch_workspace *space, const struct patch_options *opt
     const struct slab_local *local = &space->local;
     uint32_t *marks = (uint32_t *)(void *)space->spare;
     memset(marks, 0xff, local->vertex_count * sizeof *marks);
+    space->vertex_room = marks + local->vertex_count;
     local->faces[link_beyond(local, BEYOND_BORDER) | LABEL] = OVER_BORDER;
     local->faces[link_beyond(local, BEYOND_SEAM) | LABEL] = OVER_SEAM;
     space->growth = (struct growth){.faces = local->faces,
@@ -364,16 +365,46 @@ static void begin(struct patch_workspace *space, const struct patch_options *opt
                   (size_t)local->face_count + BEYOND_COUNT);
 }
 
-enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
-                               const struct patch_options *options, struct patch_workspace *space)
+/* All but making room. */
+static enum status begin_slab(struct context *ctx, const struct slab *slab,
+                              const struct patch_options *options, struct patch_workspace *space)
 {
-    enum status status = slab_local_fill(ctx, slab, &space->local);
-    if (!status)
-        status = reserve(ctx, space);
+    enum status status = slab_local_fill(ctx, slab, space->links, &space->local);
     if (!status)
         begin(
             space, options,
             face_normals_fill(&space->local, options->smoothings, &space->normals, &space->spare));
+    return status;
+}
+
+enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
+                               const struct patch_options *options, struct patch_workspace *space)
+{
+    const size_t own = slab->vertex_end - slab->vertex_first;
+    enum status status = reserve(ctx, space, slab->face_count, own + slab->foreign_count, 0);
+    return status ? status : begin_slab(ctx, slab, options, space);
+}
+
+enum status patch_growth_open(struct context *ctx, struct store *store, uint32_t index,
+                              const struct patch_options *options, struct patch_workspace *space,
+                              struct slab *slab)
+{
+    enum status status;
+    if (store_info(store)->attributes.stride) { /* they are asked for to the end */
+        status = slab_open(store, index, slab);
+        return status ? status : patch_growth_begin(ctx, slab, options, space);
+    }
+    memset(slab, 0, sizeof *slab);
+    uint32_t faces, vertices;
+    const uint64_t size = slab_size(store, index, &faces, &vertices);
+    status = reserve(ctx, space, faces, vertices, (size_t)size);
+    if (!status)
+        status = slab_read(store, index, space->room, slab);
+    if (!status)
+        status = begin_slab(ctx, slab, options, space);
+    slab->faces = slab->neighbours = slab->foreign = NULL;
+    slab->positions = slab->foreign_positions = NULL;
+    slab->mates = NULL;
     return status;
 }
 

@@ -71,15 +71,21 @@ struct growth {
  */
 struct patch_workspace {
     struct slab_local local;
-    float *normals; /* face_normals.h */
+    float *normals;        /* face_normals.h */
+    uint32_t *vertex_room; /* two numbers a local vertex, for whoever traces the patches */
+    /* What room holds: first a slab's bytes as read, then in their place the normals and their
+     * spare, then in the spare's marks and vertex_room; behind these the links; and when all is
+     * grown, what the user likes. */
+    unsigned char *room;
+    size_t room_capacity;
     /* private to patchify.c */
-    float *spare; /* of the normals; then marks lie in it */
+    float *spare;
+    uint32_t *links;
     struct queued *queue;
     uint32_t *lists; /* of the patch last grown: faces, vertices */
     struct boundary_edge *boundary;
     uint64_t *candidates;
-    size_t face_capacity;
-    size_t spare_capacity; /* floats */
+    size_t candidate_capacity;
     struct growth growth;
 };
 
@@ -92,6 +98,12 @@ void patch_workspace_clear(struct context *ctx, struct patch_workspace *space);
 enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
                                const struct patch_options *options,
                                struct patch_workspace *space) MUST_CHECK;
+
+/* The same for a slab of a store; *slab is to be closed by the caller, and has its arrays only when
+ * the store has attributes. */
+enum status patch_growth_open(struct context *ctx, struct store *store, uint32_t index,
+                              const struct patch_options *options, struct patch_workspace *space,
+                              struct slab *slab) MUST_CHECK;
 
 /* Begins again on the slab begun last, with other cosines; smoothings must be the same. */
 void patch_growth_again(struct patch_workspace *space, const struct patch_options *options);

@@ -43,8 +43,10 @@ struct patch_request {
 void patch_choose(const struct store_info *info, const struct target *target,
                   const struct patch_request *request, struct patch_options *options);
 
-/* The least context.memory_budget with which chain_build succeeds with `threads` threads, whatever
- * the store; `stride`: bytes of a vertex's attribute record. */
+/* The least context.memory_budget with which chain_build succeeds with `threads` threads, however
+ * the patches come out, as long as a slab has at most half as many vertices as faces (and what its
+ * borders have); `stride`: bytes of a vertex's attribute record. With less, chain_build uses fewer
+ * threads. The formula is in chain_build.c. */
 uint64_t chain_build_least_memory(unsigned threads, uint32_t stride);
 
 /* Makes the chain file of a store. *info (may be NULL) tells what came out. */

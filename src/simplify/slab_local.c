@@ -12,9 +12,7 @@
 
 static void release_faces(struct context *ctx, struct slab_local *local)
 {
-    const size_t numbers = FACE_STRIDE * local->face_capacity;
-    memory_release(ctx, &local->faces, numbers, sizeof *local->faces);
-    memory_release(ctx, &local->links, numbers, sizeof *local->links);
+    memory_release(ctx, &local->faces, local->face_capacity, FACE_STRIDE * sizeof *local->faces);
     local->face_capacity = 0;
 }
 
@@ -24,12 +22,8 @@ static enum status reserve(struct context *ctx, struct slab_local *local, size_t
     enum status status = STATUS_OK;
     if (faces > local->face_capacity) {
         release_faces(ctx, local);
-        local->face_capacity = faces;
         status = memory_take(ctx, faces, FACE_STRIDE * sizeof *local->faces, &local->faces);
-        if (!status)
-            status = memory_take(ctx, faces, FACE_STRIDE * sizeof *local->links, &local->links);
-        if (status)
-            release_faces(ctx, local);
+        local->face_capacity = status ? 0 : faces;
     }
     if (!status && vertices > local->vertex_capacity) {
         memory_release(ctx, &local->positions, local->vertex_capacity,
@@ -138,7 +132,8 @@ static enum status fill_links(struct context *ctx, const struct slab *slab,
     return STATUS_OK;
 }
 
-enum status slab_local_fill(struct context *ctx, const struct slab *slab, struct slab_local *local)
+enum status slab_local_fill(struct context *ctx, const struct slab *slab, uint32_t *links,
+                            struct slab_local *local)
 {
     uint32_t own = slab->vertex_end - slab->vertex_first;
     uint64_t vertices = (uint64_t)own + slab->foreign_count;
@@ -153,6 +148,7 @@ enum status slab_local_fill(struct context *ctx, const struct slab *slab, struct
     local->own_count = own;
     local->vertex_count = (uint32_t)vertices;
     local->vertex_first = slab->vertex_first;
+    local->links = links;
     if (own)
         memcpy(local->positions, slab->positions, own * (3 * sizeof(float)));
     if (slab->foreign_count) {

@@ -29,7 +29,7 @@ struct slab_local {
     uint32_t *foreign;     /* store numbers of the foreign ones */
     size_t seam_links;     /* links that lead to another slab */
     uint32_t *faces;       /* vertices opposite edges 0, 1, 2; label: UINT32_MAX when filled */
-    uint32_t *links;       /* over edges 0, 1, 2; 0 */
+    uint32_t *links;       /* over edges 0, 1, 2; 0: the user's */
     float *positions;      /* 3 a local vertex */
     size_t face_capacity;  /* those beyond counted */
     size_t vertex_capacity;
@@ -59,9 +59,10 @@ static inline uint32_t local_vertex_number(const struct slab_local *local, uint3
                                      : local->foreign[vertex - local->own_count];
 }
 
-/* Fills `local` (all zero before its first use) from a slab, which may be closed afterwards. A
- * vertex that the slab's tables do not have, or an edge number above 2, is STATUS_BAD_INPUT. */
-enum status slab_local_fill(struct context *ctx, const struct slab *slab,
+/* Fills `local` (all zero before its first use) from a slab, which may be closed afterwards.
+ * `links` has room for the faces and those beyond. A vertex that the slab's tables do not have, or
+ * an edge number above 2, is STATUS_BAD_INPUT. */
+enum status slab_local_fill(struct context *ctx, const struct slab *slab, uint32_t *links,
                             struct slab_local *local) MUST_CHECK;
 void slab_local_clear(struct context *ctx, struct slab_local *local);
 

@@ -218,6 +218,74 @@ static void parts_and_broken_scans(void **unused)
     real_scan("photogrammetry_birdbath_holes.ply", &request);
 }
 
+/* ---- memory ---- */
+
+static void build_store(struct shape shape, const char *store, unsigned slab_shift)
+{
+    struct context ctx;
+    context_init(&ctx);
+    char scan[256];
+    snprintf(scan, sizeof scan, "%s", test_path("memory.ply"));
+    shape_write(&shape, SHAPE_PLY_LITTLE, scan);
+    shape_free(&shape);
+    struct import_options import = {.slab_shift = slab_shift};
+    const char *inputs[] = {scan};
+    must(store_build(&ctx, inputs, 1, store, &import, NULL));
+    context_clear(&ctx);
+}
+
+/* Builds within a budget and returns what was in use at the peak. */
+static uint64_t build_within(const char *store, const char *chains, const struct request *request,
+                             unsigned threads, uint64_t budget)
+{
+    struct context ctx;
+    context_init(&ctx);
+    ctx.threads = threads;
+    ctx.memory_budget = budget;
+    must(chain_build(&ctx, store, chains, &request->target, &request->patch, NULL));
+    assert_int_equal(ctx.memory_now, 0);
+    uint64_t peak = ctx.memory_peak;
+    context_clear(&ctx);
+    return peak;
+}
+
+/* Any number of threads, in the least memory of one and of all: the same bytes. */
+static void budgets_do_not_show(void **unused)
+{
+    (void)unused;
+    char store[256], first[256], path[256];
+    snprintf(store, sizeof store, "%s", test_path("memory.store"));
+    snprintf(first, sizeof first, "%s", test_path("one.chains"));
+    snprintf(path, sizeof path, "%s", test_path("other.chains"));
+    build_store(shape_noisy_sphere(5, 0.02, 3), store, 9);
+    const struct request request = angles(12, 10, 1);
+    (void)build_within(store, first, &request, 1, UINT64_MAX);
+    static const unsigned threads[] = {1, 2, 3, 8, 64};
+    for (unsigned i = 0; i < 5; i++) {
+        for (unsigned all = 0; all < 2; all++) {
+            uint64_t least = chain_build_least_memory(all ? threads[i] : 1, 0);
+            assert_true(build_within(store, path, &request, threads[i], least) <= least);
+            files_must_agree(first, path);
+        }
+    }
+}
+
+/* The worst that a closed mesh can do: whole slabs, and each face a patch of its own. */
+static void shattered_slabs_fit(void **unused)
+{
+    (void)unused;
+    char store[256], path[256];
+    snprintf(store, sizeof store, "%s", test_path("memory.store"));
+    snprintf(path, sizeof path, "%s", test_path("other.chains"));
+    build_store(shape_noisy_sphere(7, 0.02, 3), store, 0);
+    struct request request = angles(0, 0, 0);
+    request.patch.level = 0;
+    for (unsigned threads = 1; threads <= 2; threads++) {
+        uint64_t least = chain_build_least_memory(threads, 0);
+        (void)build_within(store, path, &request, threads, least);
+    }
+}
+
 static void same_file_for_input_and_output(void **unused)
 {
     (void)unused;
@@ -252,6 +320,8 @@ int main(void)
         cmocka_unit_test(bunny),
         cmocka_unit_test(dragon),
         cmocka_unit_test(parts_and_broken_scans),
+        cmocka_unit_test(budgets_do_not_show),
+        cmocka_unit_test(shattered_slabs_fit),
         cmocka_unit_test(same_file_for_input_and_output),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -151,7 +151,7 @@ static void attributes_come_back(void **unused)
         }
         unsigned char *packed;
         size_t size;
-        must(chain_block_pack(&fixture.ctx, block, stride, 6, &packed, &size));
+        must(chain_block_pack(&fixture.ctx, block, stride, 6, NULL, 0, &packed, &size));
         must(chain_writer_block(writer, packed, size));
         memory_release(&fixture.ctx, &packed, size, 1);
     }
@@ -296,7 +296,8 @@ static void write_forged(struct fixture *fixture, uint32_t which, const unsigned
         if (raw && i == which)
             must(block_pack(ctx, raw, size, 0, &packed, &packed_size));
         else
-            must(chain_block_pack(ctx, &fixture->set.blocks[i], 0, 0, &packed, &packed_size));
+            must(chain_block_pack(ctx, &fixture->set.blocks[i], 0, 0, NULL, 0, &packed,
+                                  &packed_size));
         must(chain_writer_block(writer, packed, packed_size));
         memory_release(ctx, &packed, packed_size, 1);
     }
@@ -313,7 +314,8 @@ static void forged_bytes_do_no_harm(void **unused)
     unsigned char *raw;
     size_t capacity, size, accepted = 0;
     uint64_t state = 3;
-    must(chain_block_encode(&fixture.ctx, &fixture.set.blocks[2], 0, &raw, &capacity, &size));
+    must(chain_block_encode(&fixture.ctx, &fixture.set.blocks[2], 0, NULL, 0, &raw, &capacity,
+                            &size));
     unsigned char *forged = malloc(size + 8);
     assert_non_null(forged);
     size_t structure = size - 12 * (size_t)fixture.set.blocks[2].vertex_count;
@@ -451,7 +453,7 @@ static void forged_right_patch_is_told(void **unused)
     unsigned char *raw;
     size_t capacity, size;
     char error[1024];
-    must(chain_block_encode(&fixture.ctx, block, 0, &raw, &capacity, &size));
+    must(chain_block_encode(&fixture.ctx, block, 0, NULL, 0, &raw, &capacity, &size));
     unsigned char *at = raw; /* behind seven counts, the seam vertices and the left patches */
     for (uint32_t numbers = 7 + block->seam_vertex_count + block->chain_count; numbers > 0; at++)
         numbers -= *at < 128;
