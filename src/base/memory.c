@@ -3,7 +3,7 @@
  *
  * The naive wrapper keeps a header in front of each block for its size; then no block starts on a
  * page, and what free() gets stays in the allocator's pools and in the process's resident size.
- * Here the callers give the size back, and blocks of 1 MiB and more are anonymous maps of their
+ * Here the callers give the size back, and blocks of 128 KiB and more are anonymous maps of their
  * own: released or shrunk, they leave the process at once; grown, they move by page tables
  * (mremap), not by copying. Maps are accounted by whole pages, small blocks by their bytes.
  *
@@ -37,7 +37,7 @@ enum { GUARD_PAGES = 1 };
 enum { GUARD_PAGES = 0 };
 #endif
 
-enum { MAP_FROM = 1 << 20 }; /* bytes from which a block is a map of its own */
+enum { MAP_FROM = 128 << 10 }; /* bytes from which a block is a map of its own */
 
 bool fault_due(struct context *ctx)
 {

@@ -4,7 +4,7 @@
  *
  * Blocks are not zeroed unless said. `size` of every block is given back at release, so no header
  * is kept in front of it: a block of many pages starts on a page of its own and can be handed to
- * madvise. (Blocks of 1 MiB and more are anonymous maps, given back to the system at once.)
+ * madvise. (Blocks of 128 KiB and more are anonymous maps, given back to the system at once.)
  */
 #ifndef SPBM_BASE_MEMORY_H
 #define SPBM_BASE_MEMORY_H
