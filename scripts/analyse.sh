@@ -36,10 +36,11 @@ compile() {
 
 check_c() {
     # Not so: the address of a report that nobody wants is taken, and memset follows; a loop that shortens
-    # a line ends at four characters.
+    # a line ends at four characters; a ring has a face.
     find src tools -name '*.c' | xargs cppcheck --quiet --error-exitcode=1 --std=c11 -Isrc \
         --enable=warning,portability,performance --inline-suppr --suppress=missingIncludeSystem \
-        --suppress='uninitvar:src/api*.c' --suppress=pointerOutOfBoundsCond:src/inspect/render.c -D_GNU_SOURCE -D__GNUC__
+        --suppress='uninitvar:src/api*.c' --suppress=pointerOutOfBoundsCond:src/inspect/render.c \
+        --suppress=uninitvar:src/simplify/collapse_shape.c -D_GNU_SOURCE -D__GNUC__
 }
 
 tidy() {
