@@ -15,13 +15,18 @@ seconds=${1:-20}
     libdeflate-dev zlib1g-dev libpng-dev libjansson-dev python3
 if [ ! -f "$build/build.ninja" ]; then
     CC=clang meson setup "$build" "$root" -Dfuzz=true -Dbench=disabled -Dbuildtype=debugoptimized \
-        -Db_sanitize=address,undefined -Db_lundef=false
+        -Db_sanitize=address,undefined -Db_lundef=false -Dwerror=true
 fi
-ninja -C "$build"
+targets=${*:-number polygon gzip ply obj stl off import store chains shape resume}
+programs=$([ $# -gt 0 ] || echo tools/spbm)
+for target in $targets; do
+    programs="$programs tests/fuzz/fuzz_$target tests/fuzz/replay_$target"
+done
+# shellcheck disable=SC2086
+ninja -C "$build" $programs
 
 export UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1
 export ASAN_OPTIONS=detect_leaks=1:allocator_may_return_null=1
-targets=${*:-number polygon gzip ply obj stl off import store chains shape resume}
 mkdir -p "$build/corpus" "$build/findings" "$build/log"
 result=0
 for target in $targets; do
