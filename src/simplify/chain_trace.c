@@ -122,7 +122,8 @@ static enum status reserve_patch(struct trace *trace, const struct grown_patch *
     struct context *ctx = trace->ctx;
     struct trace_workspace *s = trace->scratch;
     const size_t chains = trace->chain_count + patch->edge_count;
-    const size_t junctions = trace->junction_count + patch->edge_count;
+    /* One more: junction_code writes behind the last even when the vertex is a junction already. */
+    const size_t junctions = trace->junction_count + patch->edge_count + 1;
     const size_t interiors = trace->interior_count + patch->edge_count;
     const size_t seam_edges = trace->seam_edge_count + patch->edge_count;
     const size_t diagonals = trace->diagonal_count + 3 * (size_t)patch->face_count;
