@@ -5,7 +5,7 @@
  * that could have changed, thirty or forty of them. Two things make it slow: most of those costs
  * change again before anyone asks, and the heap's order jumps all over the mesh, so that each look
  * is a cache miss. Here the vertices are swept in the order of their numbers (which is local in
- * space), again and again, with a threshold that lets the cheapest few per cent through; whatever
+ * space), again and again, with a threshold that lets the cheaper ones through; whatever
  * is below it is evaluated afresh before it is believed. Measured against the exact order of a
  * heap, the errors differ by less than the heap's own change when the costs are multiplied by
  * noise.
@@ -16,21 +16,10 @@
 #include <math.h>
 #include <string.h>
 
-#include "base/bytes.h"
 #include "base/memory.h"
 #include "collapse_internal.h"
 
 static const double BORDER_WEIGHT = 1;
-/* What effort changes. Measured on bunny, koala, dragon and a noisy scan against sweeps of 2 to 10
- * % of the vertices that make each cost anew as soon as it may have changed: mean and RMS error
- * within 1 %, a third to a quarter of the costs worked out. */
-static const struct pace {
-    double part; /* of the vertices that one sweep lets through */
-    float wait;  /* a vertex just moved is looked at again at so many times the threshold: its edges
-                    are seldom cheaper */
-} PACES[] = {{0.7, 3}, {0.4, 3}, {0.3, 2}};
-/* A new vertex may be this part of the typical error away from the faces it replaces. */
-static const double OVERSHOOT = 0.4;
 
 /* ---- beginning and end ---- */
 
@@ -89,36 +78,6 @@ static void choose_frame(struct collapse *c, const double *doubles, const float 
         const double scaled = (doubles ? doubles[i] : (double)floats[i]) * c->scale;
         if ((double)(float)scaled != scaled)
             c->scale = 1; /* would lose bits of a tiny number: rather be exact */
-    }
-}
-
-/* The cost of v's cheapest edge, INFINITY when it has none. */
-static float cheapest(const struct vertex_edges *edges, uint32_t *best)
-{
-    float least = INFINITY;
-    *best = 0;
-    for (uint32_t i = 0; i < edges->look.ring.count; i++)
-        if (edges->costs[i] < least) {
-            least = edges->costs[i];
-            *best = i;
-        }
-    return least;
-}
-
-/* Makes keys anew: of every SAMPLE_STEP-th vertex, for choosing a threshold by; the others are 0,
- * so that the next sweep looks at them. (Few vertices are all looked at.) */
-static void sample_keys(struct collapse *c)
-{
-    enum { SAMPLE_STEP = 8, FEW = 4096 };
-    struct vertex_edges edges;
-    uint32_t best;
-    c->key_step = c->vertex_slots > FEW ? SAMPLE_STEP : 1;
-    for (uint32_t v = 0; v < c->vertex_slots; v++) {
-        c->keys[v] = c->vertices[v].corner == NO_INDEX ? INFINITY : 0;
-        if (v % c->key_step != 0 || c->vertices[v].corner == NO_INDEX)
-            continue;
-        vertex_evaluate(c, v, &edges);
-        c->keys[v] = cheapest(&edges, &best);
     }
 }
 
@@ -188,7 +147,7 @@ static enum status make_ready(struct collapse *c)
     if (status != STATUS_OK)
         return status;
     fans_build(c);
-    sample_keys(c);
+    keys_sample(c);
     return STATUS_OK;
 }
 
@@ -255,306 +214,33 @@ void collapse_mesh_clear(struct context *ctx, uint32_t stride, struct collapse_m
     memset(mesh, 0, sizeof *mesh);
 }
 
-/* ---- one collapse ---- */
-
-static const struct pace *pace_of(const struct collapse *c)
-{
-    return &PACES[c->options.effort >= 3 ? 2 : c->options.effort == 2 ? 1 : 0];
-}
-
-static double scalar_read(enum scalar_type type, const unsigned char *from)
-{
-    return type == SCALAR_FLOAT32 ? (double)load_f32(from) : load_f64(from);
-}
-
-/* Record of `kept` := between it and `other`'s, t of the way: floats linearly, integers the nearer.
- */
-static void blend_records(struct collapse *c, uint32_t kept, uint32_t other, double t)
-{
-    const size_t stride = c->attributes.stride;
-    unsigned char *to = c->records + kept * stride;
-    const unsigned char *from = c->records + other * stride;
-    for (uint32_t i = 0; i < c->attributes.count; i++) {
-        const struct attribute *attribute = &c->attributes.list[i];
-        unsigned char *a = to + attribute->offset;
-        const unsigned char *b = from + attribute->offset;
-        if (attribute->type != SCALAR_FLOAT32 && attribute->type != SCALAR_FLOAT64) {
-            if (t > 0.5)
-                memcpy(a, b, scalar_size(attribute->type));
-            continue;
-        }
-        const double x = scalar_read(attribute->type, a);
-        const double value = x + t * (scalar_read(attribute->type, b) - x);
-        if (attribute->type == SCALAR_FLOAT32)
-            store_f32(a, (float)value);
-        else
-            store_f64(a, value);
-    }
-}
-
-/* Which of the edge's ends stays: the one whose place is kept, else the lower number. */
-static uint32_t choose_kept(const struct collapse *c, const struct edge_change *change)
-{
-    const uint32_t v = change->v, w = change->w;
-    const float *to = change->to[0];
-    if (c->vertices[v].flags & VERTEX_LOCKED)
-        return v;
-    if (c->vertices[w].flags & VERTEX_LOCKED)
-        return w;
-    if (c->options.subset)
-        return to[0] == 0 && to[1] == 0 && to[2] == 0 ? v : w;
-    return v < w ? v : w;
-}
-
-static void move_vertex(struct collapse *c, const struct edge_change *change, uint32_t kept)
-{
-    const uint32_t v = change->v, w = change->w;
-    if (c->options.subset || (c->vertices[kept].flags & VERTEX_LOCKED))
-        return;
-    if (c->records) {
-        const struct vertex_look *look = change->looks[0];
-        double to[3], edge[3];
-        for (int k = 0; k < 3; k++) {
-            to[k] = (double)change->to[0][k];
-            edge[k] = (double)look->at[k][change->place[0]];
-        }
-        double t = dot_product(to, edge) / dot_product(edge, edge);
-        t = t > 0 ? (t < 1 ? t : 1) : 0;
-        blend_records(c, kept, kept == v ? w : v, kept == v ? t : 1 - t);
-    }
-    const float *from = c->vertices[v].position;
-    float place[3];
-    for (int k = 0; k < 3; k++)
-        place[k] = from[k] + change->to[0][k];
-    memcpy(c->vertices[kept].position, place, sizeof place);
-}
-
-/* Sets the keys round a vertex that has just moved. Its costs and its neighbours' have changed;
- * they are found out when their turn comes, which is after most of them have changed again. The
- * vertex itself, and a neighbour that had no edge left, are given a guess. */
-static void renew_keys(struct collapse *c, const struct edge_change *change, uint32_t kept,
-                       float threshold)
-{
-    const float later = threshold * pace_of(c)->wait;
-    const float guess = later < INFINITY ? later : threshold;
-    for (int end = 0; end < 2; end++) {
-        const struct ring *ring = &change->looks[end]->ring;
-        for (uint32_t i = 0; i < ring->count; i++) {
-            const uint32_t r = ring->vertices[i];
-            if (!(c->keys[r] < INFINITY) && c->vertices[r].corner != NO_INDEX)
-                c->keys[r] = guess;
-        }
-    }
-    c->keys[kept] = guess;
-}
-
-/*
- * What a cost is multiplied by because the new vertex would stick out. Volumes say little about
- * thin tips, so that a memoryless cost lets single vertices go far astray: where one would be
- * further from the surface than OVERSHOOT of the present typical error, its edge waits for the
- * typical error to grow. The largest distance falls by a quarter to a half for 1 to 2 % of the mean
- * (koala, elephant and bunny at 1 and 2 %).
- */
-static double overshoot_price(const struct collapse *c, const struct edge_change *change)
-{
-    const double usual = OVERSHOOT * c->typical_error;
-    const double overshoot = usual > 0 ? edge_overshoot(change, usual) : 0;
-    if (overshoot <= usual)
-        return 1;
-    return overshoot / usual * (overshoot / usual);
-}
-
-/* Where edge i of v leads, its vertex rounded to what can be stored. */
-static void prepare_change(const struct collapse *c, uint32_t v, const struct vertex_edges *edges,
-                           uint32_t i, const struct vertex_look *other, struct edge_change *change)
-{
-    const float *from = c->vertices[v].position;
-    change->v = v;
-    change->w = edges->look.ring.vertices[i];
-    change->looks[0] = &edges->look;
-    change->looks[1] = other;
-    change->place[0] = i;
-    change->place[1] = 0;
-    while (other->ring.count && other->ring.vertices[change->place[1]] != v)
-        change->place[1]++;
-    const bool at_end =
-        c->options.subset ||
-        ((c->vertices[v].flags | c->vertices[change->w].flags) & VERTEX_LOCKED) != 0;
-    for (int k = 0; k < 3; k++) {
-        const float step = edges->places[k][i], place = from[k] + step;
-        change->to[0][k] = at_end ? step : place - from[k];
-        change->to[1][k] =
-            at_end ? step - edges->look.at[k][i] : place - c->vertices[change->w].position[k];
-    }
-}
-
-/* Tries edge i of v; false when a guard forbids it (its cost is as it was) or when it turned out
- * dearer than the threshold (its cost says so now). */
-static bool try_edge(struct collapse *c, uint32_t v, struct vertex_edges *edges, uint32_t i,
-                     float threshold)
-{
-    const uint32_t w = edges->look.ring.vertices[i];
-    struct vertex_look other;
-    struct edge_change change;
-    double deviation;
-    vertex_look_round(c, w, &other);
-    if (!topology_allows(c, v, &edges->look.ring, i, &other.ring))
-        return false;
-    prepare_change(c, v, edges, i, &other, &change);
-    if (!edge_shape_allows(c, &change, &deviation))
-        return false;
-    const float before =
-        c->vertices[v].error > c->vertices[w].error ? c->vertices[v].error : c->vertices[w].error;
-    const double error = (double)before + deviation;
-    if (error > c->error_bound) {
-        c->held_back = true;
-        return false;
-    }
-    const double dearer = overshoot_price(c, &change);
-    if (dearer > 1 && (double)edges->costs[i] * dearer > (double)threshold) {
-        edges->costs[i] *= (float)dearer;
-        return false;
-    }
-    c->error_sum += error;
-    c->error_count++;
-    const uint32_t kept = choose_kept(c, &change), gone = kept == v ? w : v;
-    move_vertex(c, &change, kept);
-    c->live_faces -= topology_collapse(c, v, &edges->look.ring, i, &other.ring, gone);
-    edge_update_fans(c, &change, kept);
-    c->vertices[kept].error = (float)error;
-    if (error > c->largest_error)
-        c->largest_error = error;
-    c->keys[gone] = INFINITY;
-    renew_keys(c, &change, kept, threshold);
-    return true;
-}
-
-/* Looks at v and collapses its cheapest edge that may be, if it costs no more than the threshold.
- */
-static void work_on(struct collapse *c, uint32_t v, float threshold)
-{
-    struct vertex_edges edges;
-    uint32_t best;
-    vertex_evaluate(c, v, &edges);
-    for (;;) {
-        const float cost = cheapest(&edges, &best);
-        c->keys[v] = cost;
-        if (!(cost <= threshold) || !(cost < INFINITY) || try_edge(c, v, &edges, best, threshold))
-            return;
-        if (!(edges.costs[best] > cost))
-            edges.costs[best] = INFINITY;
-    }
-}
-
-/* The threshold of the next sweep: the cost below which `wanted` of the vertices' keys lie, to
- * three bits of mantissa; INFINITY when no vertex has a key. */
-static float choose_threshold(const struct collapse *c, uint64_t wanted)
-{
-    enum { BIN_SHIFT = 20, BINS = 1 << (31 - BIN_SHIFT) };
-    uint32_t counts[BINS] = {0}, bits;
-    uint64_t sum = 0;
-    float key;
-    wanted /= c->key_step;
-    for (uint64_t v = 0; v < c->vertex_slots; v += c->key_step) {
-        memcpy(&bits, &c->keys[v], sizeof bits);
-        counts[bits >> BIN_SHIFT]++;
-    }
-    const uint32_t infinite = 0x7f800000u >> BIN_SHIFT;
-    uint32_t bin = 0, last = BINS;
-    for (; bin < infinite; bin++) {
-        sum += counts[bin];
-        if (counts[bin])
-            last = bin;
-        if (sum >= wanted && sum > 0)
-            break;
-    }
-    if (last == BINS)
-        return INFINITY;
-    bits = (last + 1) << BIN_SHIFT;
-    memcpy(&key, &bits, sizeof key);
-    return key;
-}
-
-/* A vertex that is soon to be worked on, and how far its ring has been asked for. */
-struct expected {
-    uint32_t vertex, corner;
-};
-
-/* One step of asking for a ring: the memory that this step reads was asked for by the one before.
- */
-static inline void ask_for_ring(const struct collapse *c, struct expected *e)
-{
-    if (e->corner == NO_INDEX)
-        return;
-    const struct collapse_corner corner = c->corners[e->corner];
-    if (corner.end != NO_INDEX)
-        __builtin_prefetch(&c->vertices[corner.end]);
-    if (corner.swing != NO_INDEX)
-        __builtin_prefetch(&c->corners[corner.swing]);
-    e->corner = corner.swing;
-}
-
-/*
- * Works on all vertices whose key is not above the threshold, in the order of their numbers. Most
- * of the time would go by waiting for memory, step by step round each vertex; so the next vertices
- * are found in advance, and before each is worked on the rings of those behind it are followed by
- * one step each.
- */
-static void sweep(struct collapse *c, float threshold, uint64_t most_faces)
-{
-    enum { AHEAD = 8 };
-    struct expected queue[AHEAD];
-    uint32_t next = 0, taken = 0, put = 0;
-    while (c->live_faces > most_faces) {
-        for (uint32_t i = taken; i != put; i++)
-            ask_for_ring(c, &queue[i % AHEAD]);
-        for (; put - taken < AHEAD && next < c->vertex_slots; next++)
-            if (c->keys[next] <= threshold) {
-                const uint32_t corner = c->vertices[next].corner;
-                if (corner == NO_INDEX)
-                    continue;
-                queue[put++ % AHEAD] = (struct expected){next, corner};
-                __builtin_prefetch(&c->corners[corner]);
-            }
-        if (put == taken)
-            return;
-        const uint32_t v = queue[taken++ % AHEAD].vertex;
-        if (c->keys[v] <= threshold)
-            work_on(c, v, threshold);
-    }
-}
+/* ---- collapsing ---- */
 
 enum status collapse_run(struct collapse *c, uint64_t most_faces, double most_error)
 {
-    const double part = pace_of(c)->part;
+    const double part = sweep_part(c);
     most_error *= c->scale;
     if (c->held_back && most_error > c->error_bound) {
         c->held_back = false;
-        sample_keys(c);
+        keys_sample(c);
     }
     c->error_bound = most_error;
     while (c->live_faces > most_faces) {
         const uint64_t left = c->live_faces - most_faces;
         uint64_t wanted = (uint64_t)((double)c->live_faces / 2 * part);
         wanted = wanted < left / 2 ? wanted : left / 2;
-        float threshold = choose_threshold(c, wanted);
+        float threshold = keys_threshold(c, wanted);
         if (!(threshold < INFINITY) && c->key_step > 1)
             threshold = FLT_MIN; /* those that were not looked at may have one */
         if (!(threshold < INFINITY)) {
             if (c->held_back || c->options.keep_guards || c->guard == GUARD_NONE)
                 break;
             c->guard++;
-            sample_keys(c);
+            keys_sample(c);
             continue;
         }
-        if (c->error_count > 0)
-            c->typical_error = c->error_sum / (double)c->error_count;
-        c->error_sum = 0;
-        c->error_count = 0;
-        sweep(c, threshold, most_faces);
-        c->key_step = 1;
-        enum status status = STATUS_OK;
-        if (c->live_faces < c->face_slots / 2)
+        enum status status = sweep(c, threshold, wanted, most_faces);
+        if (status == STATUS_OK && c->live_faces < c->face_slots / 2)
             status = topology_compact(c);
         if (status == STATUS_OK)
             status =

@@ -17,6 +17,7 @@ struct collapse_options {
     uint32_t effort; /* 1: fastest, batches of edges of about the same cost; 2: default, smaller
                         batches; 3: smaller still */
     double border_weight; /* of the boundary term; 0: the default */
+    bool together;        /* use all threads of the context for this one mesh */
     bool keep_guards;     /* rather stop than make slivers and turn faces over, where only these
                              stand in the way of fewer faces */
     const char *source;   /* the file that the mesh was made from: damage to it is then the reason

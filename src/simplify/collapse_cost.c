@@ -31,26 +31,39 @@ LANES_INLINE void look_at(const struct collapse *c, uint32_t w, const float from
 }
 
 /* Turns round v. */
-LANES_INLINE void gather(const struct collapse *c, uint32_t v, struct vertex_look *look)
+LANES_INLINE void gather(const struct collapse *c, const struct territory *t, uint32_t v,
+                         struct vertex_look *look)
 {
+    const uint32_t size = t->end - t->first;
     const float *from = c->vertices[v].position;
     const uint32_t first = c->vertices[v].corner;
     struct ring *ring = &look->ring;
     uint32_t corner = first, count = 0, last;
     look->flags = c->vertices[v].flags;
+    look->reaches_out = true;
+    ring->count = ring->faces = 0;
     do {
         if (count == RING_MAX) {
-            ring->count = ring->faces = 0;
+            look->reaches_out = false;
             return;
         }
+        const uint32_t end = c->corners[corner].end;
+        if (end - t->first >= size)
+            return;
         ring->corners[count] = corner;
-        look_at(c, c->corners[corner].end, from, count++, look);
+        look_at(c, end, from, count++, look);
         last = corner;
         corner = c->corners[corner].swing;
     } while (corner != first && corner != NO_INDEX);
-    ring->faces = count;
-    if (corner == NO_INDEX)
-        look_at(c, c->corners[corner_next(last)].end, from, count++, look);
+    const uint32_t faces = count;
+    if (corner == NO_INDEX) {
+        const uint32_t end = c->corners[corner_next(last)].end;
+        if (end - t->first >= size)
+            return;
+        look_at(c, end, from, count++, look);
+    }
+    look->reaches_out = false;
+    ring->faces = faces;
     ring->count = count;
 }
 
@@ -85,9 +98,10 @@ LANES_AVX2 static void make_normals_avx2(struct vertex_look *look)
     make_normals(look);
 }
 
-void vertex_look_round(const struct collapse *c, uint32_t v, struct vertex_look *look)
+void vertex_look_round(const struct collapse *c, const struct territory *t, uint32_t v,
+                       struct vertex_look *look)
 {
-    gather(c, v, look);
+    gather(c, t, v, look);
     if (look->ring.count == 0)
         return;
     if (c->level >= CPU_AVX2)
@@ -226,11 +240,12 @@ LANES_INLINE float longest_square(const struct vertex_look *look)
  * (koala and bunny at 2 %: 0.3 to 0.8 % more) and makes the largest distance a fifth to a quarter
  * smaller.
  */
-LANES_INLINE void evaluate(const struct collapse *c, uint32_t v, struct vertex_edges *e)
+LANES_INLINE void evaluate(const struct collapse *c, const struct territory *t, uint32_t v,
+                           struct vertex_edges *e)
 {
     const struct fan *fan = &c->vertices[v].fan;
     struct edge_lanes lanes;
-    gather(c, v, &e->look);
+    gather(c, t, v, &e->look);
     if (e->look.ring.count == 0)
         return;
     make_normals(&e->look);
@@ -250,20 +265,23 @@ LANES_INLINE void evaluate(const struct collapse *c, uint32_t v, struct vertex_e
     }
 }
 
-static void evaluate_scalar(const struct collapse *c, uint32_t v, struct vertex_edges *e)
+static void evaluate_scalar(const struct collapse *c, const struct territory *t, uint32_t v,
+                            struct vertex_edges *e)
 {
-    evaluate(c, v, e);
+    evaluate(c, t, v, e);
 }
 
-LANES_AVX2 static void evaluate_avx2(const struct collapse *c, uint32_t v, struct vertex_edges *e)
+LANES_AVX2 static void evaluate_avx2(const struct collapse *c, const struct territory *t,
+                                     uint32_t v, struct vertex_edges *e)
 {
-    evaluate(c, v, e);
+    evaluate(c, t, v, e);
 }
 
-void vertex_evaluate(const struct collapse *c, uint32_t v, struct vertex_edges *e)
+void vertex_evaluate(const struct collapse *c, const struct territory *t, uint32_t v,
+                     struct vertex_edges *e)
 {
     if (c->level >= CPU_AVX2)
-        evaluate_avx2(c, v, e);
+        evaluate_avx2(c, t, v, e);
     else
-        evaluate_scalar(c, v, e);
+        evaluate_scalar(c, t, v, e);
 }

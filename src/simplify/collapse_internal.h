@@ -117,13 +117,23 @@ unsigned topology_collapse(struct collapse *collapse, uint32_t a, const struct r
 /* Closes the gaps that dead faces and vertices leave; order is kept. */
 enum status topology_compact(struct collapse *collapse) MUST_CHECK;
 
+/* Vertices [first, end), the only ones that a thread may look at, and what it did there. */
+struct territory {
+    uint32_t first, end;
+    uint64_t most_taken, taken; /* faces that may be taken away, and were (one more is possible) */
+    double error_sum, largest_error;
+    uint64_t error_count;
+    bool held_back;
+};
+
 /* ---- collapse_cost.c ---- */
 
 /* A vertex, its neighbours relative to it, and the faces between them. */
 struct vertex_look {
     struct ring ring;
-    uint32_t flags;               /* v's and its neighbours', any */
-    float at[3][RING_LANES];      /* neighbours; behind the last the first again, or 0 */
+    uint32_t flags;          /* v's and its neighbours', any */
+    bool reaches_out;        /* a neighbour is not of the territory: nothing else is filled in */
+    float at[3][RING_LANES]; /* neighbours; behind the last the first again, or 0 */
     float normals[3][RING_LANES]; /* of face i, between neighbours i and i + 1; 0 beyond the last */
 };
 
@@ -136,9 +146,11 @@ struct vertex_edges {
 };
 
 /* Gathers v's ring and the faces round it; ring.count is 0 when there are too many. */
-void vertex_look_round(const struct collapse *collapse, uint32_t v, struct vertex_look *look);
+void vertex_look_round(const struct collapse *collapse, const struct territory *territory,
+                       uint32_t v, struct vertex_look *look);
 /* The same, and the cost and place of each edge. */
-void vertex_evaluate(const struct collapse *collapse, uint32_t v, struct vertex_edges *edges);
+void vertex_evaluate(const struct collapse *collapse, const struct territory *territory, uint32_t v,
+                     struct vertex_edges *edges);
 /* The border edges at both ends of an edge, relative to v. */
 void border_edges_sum(const struct collapse *collapse, uint32_t v, uint32_t w,
                       struct border_sum *sum);
@@ -168,5 +180,20 @@ double edge_overshoot(const struct edge_change *change, double enough);
 void edge_update_fans(struct collapse *collapse, const struct edge_change *change, uint32_t kept);
 /* Makes the fans of all vertices. */
 void fans_build(struct collapse *collapse);
+
+/* ---- collapse_sweep.c ---- */
+
+/* Makes keys anew: of every key_step-th vertex, for choosing a threshold by; the others are 0, so
+ * that the next sweep looks at them. */
+void keys_sample(struct collapse *collapse);
+/* The threshold of the next sweep: the cost below which `wanted` of the vertices' keys lie, to
+ * three bits of mantissa; INFINITY when no vertex has a key. */
+float keys_threshold(const struct collapse *collapse, uint64_t wanted);
+/* The part of the vertices that a sweep is to let through. */
+double sweep_part(const struct collapse *collapse);
+/* Collapses what costs no more than the threshold, down to `most_faces`. `wanted`: as given to
+ * keys_threshold. */
+enum status sweep(struct collapse *collapse, float threshold, uint64_t wanted,
+                  uint64_t most_faces) MUST_CHECK;
 
 #endif

@@ -247,7 +247,9 @@ static enum status make_levels(struct lod *lod)
     struct collapse *collapse = NULL;
     struct small_mesh empty = {0};
     struct small_mesh *root = lod->info->slab_count > 0 ? &lod->nodes[0] : &empty;
-    enum status status = collapse_begin_giving(lod->ctx, &lod->collapse, &root->triangles,
+    struct collapse_options options = lod->collapse;
+    options.together = true;
+    enum status status = collapse_begin_giving(lod->ctx, &options, &root->triangles,
                                                &lod->info->attributes, &collapse);
     for (uint32_t i = 0; i < lod->report->level_count && status == STATUS_OK; i++)
         status = make_level(lod, collapse, i);
@@ -259,15 +261,15 @@ enum status lod_collapse(struct context *ctx, struct chain_file *file,
                          const struct lod_options *options, struct lod_report *report)
 {
     const struct chain_info *info = chain_file_info(file);
-    struct lod lod = {
-        .ctx = ctx,
-        .file = file,
-        .info = info,
-        .options = options,
-        .report = report,
-        .collapse = {.subset = options->place == PLACE_SUBSET, .effort = options->target.effort,
-                     .source = chain_file_name(file)},
-        .stride = info->attributes.stride};
+    struct lod lod = {.ctx = ctx,
+                      .file = file,
+                      .info = info,
+                      .options = options,
+                      .report = report,
+                      .collapse = {.subset = options->place == PLACE_SUBSET,
+                                   .effort = options->target.effort,
+                                   .source = chain_file_name(file)},
+                      .stride = info->attributes.stride};
     const size_t slabs = info->slab_count;
     choose_fineness(&lod);
     enum status status = memory_take_zeroed(ctx, slabs, sizeof *lod.nodes, &lod.nodes);

@@ -412,10 +412,48 @@ static void vectors_change_no_bit(void **state)
         }
 }
 
+/* One mesh in several threads: the same bytes for any number of them, manifold, with N faces. */
+static void threads_change_no_bit(void **state)
+{
+    (void)state;
+    struct mesh out[4];
+    struct context ctx[4];
+    const unsigned threads[4] = {1, 2, 3, 8};
+    for (int i = 0; i < 4; i++) {
+        const struct collapse_options options = {.effort = 2, .together = true};
+        struct collapse *collapse;
+        struct mesh mesh;
+        struct shape shape = shape_noisy_sphere(5, 0.01, 3);
+        context_init(&ctx[i]);
+        ctx[i].threads = threads[i];
+        shape_into_mesh(&ctx[i], &shape, &mesh);
+        assert_true(mesh.vertex_count > 2 * 4096); /* enough to be shared out */
+        assert_int_equal(collapse_begin(&ctx[i], &options, mesh.vertex_count, mesh.face_count,
+                                        mesh.positions, mesh.faces, NULL, NULL, NULL, NULL,
+                                        &collapse),
+                         STATUS_OK);
+        assert_int_equal(collapse_run(collapse, 1500, INFINITY), STATUS_OK);
+        assert_int_equal(collapse_extract(collapse, &out[i], NULL), STATUS_OK);
+        collapse_end(&collapse);
+        mesh_clear(&ctx[i], &mesh);
+        const struct facts facts = facts_of(&out[i]);
+        assert_true(facts_manifold(&facts));
+        assert_in_range(out[i].face_count, 1499, 1500);
+        assert_int_equal(out[i].vertex_count, out[0].vertex_count);
+        assert_memory_equal(out[i].faces, out[0].faces, 12 * (size_t)out[0].face_count);
+        assert_memory_equal(out[i].positions, out[0].positions, 24 * (size_t)out[0].vertex_count);
+    }
+    for (int i = 0; i < 4; i++) {
+        mesh_clear(&ctx[i], &out[i]);
+        context_clear(&ctx[i]);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(vectors_change_no_bit),
+        cmocka_unit_test(threads_change_no_bit),
         cmocka_unit_test(volume_is_kept),
         cmocka_unit_test(flat_square_keeps_its_border),
         cmocka_unit_test(cube_keeps_its_corners),
