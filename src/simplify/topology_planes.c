@@ -18,8 +18,7 @@
 #include "base/radix_sort.h"
 #include "geom/triangulate.h"
 #include "geom/vec.h"
-#include "simplify/topology_pairs.h"
-#include "simplify/patch.h"
+#include "simplify/topology_bridges.h"
 
 struct plane {
     struct vec3 normal;
@@ -53,12 +52,13 @@ struct merger {
     uint8_t *chain_kept;
     size_t chain_capacity, chain_kept_capacity;
     struct pair_set taken;
+    struct outline_corner *corners; /* of the plane in hand, the outer loop first */
+    size_t corner_count, corner_capacity;
+    uint32_t *starts; /* of its loops in corners */
+    size_t start_capacity;
+    struct bridge_workspace bridges;
     uint32_t *polygon; /* vertices, holes bridged */
     size_t polygon_count, polygon_capacity;
-    uint32_t *hole; /* vertices of a loop */
-    size_t hole_count, hole_capacity;
-    struct hole_place *holes;
-    size_t hole_places, hole_place_capacity;
     double *points;
     size_t point_capacity;
     uint32_t *triangles;
@@ -66,12 +66,6 @@ struct merger {
     struct triangulation_workspace workspace;
     uint32_t *faces; /* the result */
     size_t out_count, out_capacity;
-};
-
-struct hole_place {
-    double x;      /* of its rightmost vertex */
-    uint32_t loop; /* number */
-    uint32_t at;   /* the vertex' place in the loop */
 };
 
 static struct vec3 point_of(const struct merger *merger, uint32_t vertex)
@@ -447,20 +441,21 @@ static void sort_loops(struct merger *merger)
     }
 }
 
-/* The kept vertices of a loop, in merger->hole. Returns twice its signed area about the normal. */
+/* Adds the kept vertices of a loop to the corners. *area: twice its signed area about the normal.
+ */
 static enum status take_loop(struct merger *merger, uint32_t loop, double *area)
 {
     uint32_t first = merger->loops[loop].first, h = first;
     struct vec3 sum = {0, 0, 0}, origin = point_of(merger, start_of(merger, first));
-    merger->hole_count = 0;
     do {
         uint32_t v = start_of(merger, h);
         if (merger->kept[v]) {
-            enum status status = memory_reserve(merger->ctx, &merger->hole, &merger->hole_capacity,
-                                                merger->hole_count + 1, sizeof *merger->hole);
+            enum status status =
+                memory_reserve(merger->ctx, &merger->corners, &merger->corner_capacity,
+                               merger->corner_count + 1, sizeof *merger->corners);
             if (status != STATUS_OK)
                 return status;
-            merger->hole[merger->hole_count++] = v;
+            merger->corners[merger->corner_count++].vertex = v;
         }
         sum = vec3_add(sum, triangle_normal(origin, point_of(merger, v),
                                             point_of(merger, start_of(merger, next_in_face(h)))));
@@ -468,6 +463,48 @@ static enum status take_loop(struct merger *merger, uint32_t loop, double *area)
     } while (h != first);
     *area = vec3_dot(sum, merger->planes[merger->loops[loop].plane].normal);
     return STATUS_OK;
+}
+
+/* Takes the plane's loops that are outer ones, or those that are holes; *count: how many so far. */
+static enum status take_loops(struct merger *merger, const struct plane *plane, bool outer,
+                              uint32_t *count, bool *possible)
+{
+    enum status status = STATUS_OK;
+    for (uint32_t i = 0; i < plane->loop_count && status == STATUS_OK; i++) {
+        size_t first = merger->corner_count;
+        double area;
+        status = take_loop(merger, plane->first_loop + i, &area);
+        if (status != STATUS_OK)
+            return status;
+        if (merger->corner_count < first + 3)
+            *possible = false;
+        if ((area > 0) != outer)
+            merger->corner_count = first;
+        else
+            merger->starts[++*count] = (uint32_t)merger->corner_count;
+    }
+    return status;
+}
+
+/* All corners of the plane's outline, if it has one outer loop. */
+static enum status take_outline(struct merger *merger, const struct plane *plane, bool *possible)
+{
+    uint32_t count = 0;
+    enum status status = memory_reserve(merger->ctx, &merger->starts, &merger->start_capacity,
+                                        plane->loop_count + (size_t)1, sizeof *merger->starts);
+    if (status != STATUS_OK)
+        return status;
+    *possible = plane->loop_count > 0;
+    merger->corner_count = merger->starts[0] = 0;
+    status = take_loops(merger, plane, true, &count, possible);
+    *possible = *possible && count == 1;
+    if (status == STATUS_OK)
+        status = take_loops(merger, plane, false, &count, possible);
+    if (status != STATUS_OK || !*possible)
+        return status;
+    merger->polygon_count = merger->corner_count + 2 * ((size_t)plane->loop_count - 1);
+    return memory_reserve(merger->ctx, &merger->polygon, &merger->polygon_capacity,
+                          merger->polygon_count, sizeof *merger->polygon);
 }
 
 struct axes {
@@ -480,161 +517,6 @@ static struct axes axes_of(struct vec3 normal)
     struct axes axes = {.u = vec3_normalized(vec3_cross(normal, helper))};
     axes.v = vec3_cross(normal, axes.u);
     return axes;
-}
-
-struct flat {
-    double x, y;
-};
-
-static struct flat flat_of(const struct merger *merger, const struct axes *axes, uint32_t vertex)
-{
-    struct vec3 at = point_of(merger, vertex);
-    return (struct flat){vec3_dot(at, axes->u), vec3_dot(at, axes->v)};
-}
-
-static double turn_of(struct flat a, struct flat b, struct flat c)
-{
-    return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
-}
-
-/*
- * The place of the polygon that a hole's rightmost vertex m can be joined to: the ray to the right
- * meets an edge first; its right end is seen from m, unless a corner lies in the triangle between;
- * then it is the one nearest in angle to the ray (Eberly). polygon_count when there is none.
- */
-static size_t find_bridge(const struct merger *merger, const struct axes *axes, struct flat m)
-{
-    size_t n = merger->polygon_count, best = n;
-    double hit = INFINITY;
-    for (size_t i = 0; i < n; i++) {
-        size_t j = i + 1 == n ? 0 : i + 1;
-        struct flat a = flat_of(merger, axes, merger->polygon[i]);
-        struct flat b = flat_of(merger, axes, merger->polygon[j]);
-        /* The inside is left of the polygon: the edges that m sees to its right go up. */
-        if (!(a.y <= m.y && b.y > m.y))
-            continue;
-        double x = a.x + (b.x - a.x) * (m.y - a.y) / (b.y - a.y);
-        if (x >= m.x && x < hit) {
-            hit = x;
-            best = a.x > b.x ? i : j;
-        }
-    }
-    if (best == n)
-        return n;
-    struct flat p = flat_of(merger, axes, merger->polygon[best]), at = {hit, m.y};
-    double least = INFINITY, nearest = INFINITY;
-    size_t chosen = best;
-    bool is_above = p.y > m.y;
-    for (size_t i = 0; i < n; i++) {
-        struct flat q = flat_of(merger, axes, merger->polygon[i]);
-        struct flat before = flat_of(merger, axes, merger->polygon[i == 0 ? n - 1 : i - 1]);
-        struct flat after = flat_of(merger, axes, merger->polygon[i + 1 == n ? 0 : i + 1]);
-        if (q.x <= m.x)
-            continue;
-        double x = turn_of(m, at, q), y = turn_of(at, p, q), z = turn_of(p, m, q);
-        if (!(is_above ? x >= 0 && y >= 0 && z >= 0 : x <= 0 && y <= 0 && z <= 0))
-            continue;
-        /* m must lie in the corner: copies of a vertex differ in this. */
-        bool reflex = turn_of(before, q, after) < 0;
-        bool left_of_before = turn_of(before, q, m) > 0, left_of_after = turn_of(q, after, m) > 0;
-        if (!(reflex ? left_of_before || left_of_after : left_of_before && left_of_after))
-            continue;
-        double slope = fabs(q.y - m.y) / (q.x - m.x), far = q.x - m.x;
-        if (slope < least || (slope == least && far < nearest)) {
-            least = slope;
-            nearest = far;
-            chosen = i;
-        }
-    }
-    return chosen;
-}
-
-/* Puts the loop in merger->hole, from place `at` on, into the polygon behind place `bridge`. */
-static enum status insert_hole(struct merger *merger, size_t bridge, size_t at)
-{
-    size_t n = merger->polygon_count, m = merger->hole_count;
-    enum status status = memory_reserve(merger->ctx, &merger->polygon, &merger->polygon_capacity,
-                                        n + m + 2, sizeof *merger->polygon);
-    if (status != STATUS_OK)
-        return status;
-    uint32_t *polygon = merger->polygon, join = polygon[bridge];
-    memmove(polygon + bridge + m + 3, polygon + bridge + 1, (n - bridge - 1) * sizeof *polygon);
-    for (size_t i = 0; i <= m; i++)
-        polygon[bridge + 1 + i] = merger->hole[(at + i) % m];
-    polygon[bridge + m + 2] = join;
-    merger->polygon_count = n + m + 2;
-    return STATUS_OK;
-}
-
-static int compare_holes(const void *a, const void *b)
-{
-    const struct hole_place *x = a, *y = b;
-    if (x->x != y->x)
-        return x->x > y->x ? -1 : 1;
-    return x->loop < y->loop ? -1 : x->loop > y->loop;
-}
-
-/* The outer loop goes to `polygon`, the others to `holes`, rightmost first. */
-static enum status sort_outline(struct merger *merger, const struct plane *plane,
-                                const struct axes *axes, bool *possible)
-{
-    size_t outer = 0;
-    merger->hole_places = 0;
-    for (uint32_t i = 0; i < plane->loop_count; i++) {
-        double area;
-        enum status status = take_loop(merger, plane->first_loop + i, &area);
-        if (status == STATUS_OK)
-            status = memory_reserve(merger->ctx, &merger->holes, &merger->hole_place_capacity,
-                                    merger->hole_places + 1, sizeof *merger->holes);
-        if (status == STATUS_OK && area > 0)
-            status = memory_reserve(merger->ctx, &merger->polygon, &merger->polygon_capacity,
-                                    merger->hole_count, sizeof *merger->polygon);
-        if (status != STATUS_OK)
-            return status;
-        if (merger->hole_count < 3) {
-            *possible = false;
-            return STATUS_OK;
-        }
-        if (area > 0) {
-            memcpy(merger->polygon, merger->hole, merger->hole_count * sizeof *merger->hole);
-            merger->polygon_count = merger->hole_count;
-            outer++;
-            continue;
-        }
-        struct hole_place place = {-INFINITY, plane->first_loop + i, 0};
-        for (uint32_t k = 0; k < merger->hole_count; k++) {
-            double x = flat_of(merger, axes, merger->hole[k]).x;
-            if (x > place.x) {
-                place.x = x;
-                place.at = k;
-            }
-        }
-        merger->holes[merger->hole_places++] = place;
-    }
-    *possible = outer == 1;
-    if (merger->hole_places > 1)
-        qsort(merger->holes, merger->hole_places, sizeof *merger->holes, compare_holes);
-    return STATUS_OK;
-}
-
-static enum status bridge_holes(struct merger *merger, const struct axes *axes, bool *possible)
-{
-    for (size_t i = 0; i < merger->hole_places && *possible; i++) {
-        double area;
-        enum status status = take_loop(merger, merger->holes[i].loop, &area);
-        if (status != STATUS_OK)
-            return status;
-        uint32_t vertex = merger->hole[merger->holes[i].at];
-        size_t bridge = find_bridge(merger, axes, flat_of(merger, axes, vertex));
-        *possible = bridge < merger->polygon_count && merger->polygon[bridge] != vertex &&
-                    !pair_set_has(&merger->taken, merger->polygon[bridge], vertex);
-        if (!*possible)
-            break;
-        status = insert_hole(merger, bridge, merger->holes[i].at);
-        if (status != STATUS_OK)
-            return status;
-    }
-    return STATUS_OK;
 }
 
 static bool diagonal_is_free(void *user, uint32_t i, uint32_t j)
@@ -692,9 +574,14 @@ static enum status try_polygon(struct merger *merger, const struct plane *plane,
 {
     const double normal[3] = {plane->normal.x, plane->normal.y, plane->normal.z};
     enum triangulation_quality quality;
-    enum status status = sort_outline(merger, plane, axes, possible);
-    if (status == STATUS_OK && *possible)
-        status = bridge_holes(merger, axes, possible);
+    for (size_t i = 0; i < merger->corner_count; i++) {
+        struct vec3 at = point_of(merger, merger->corners[i].vertex);
+        merger->corners[i].x = vec3_dot(at, axes->u);
+        merger->corners[i].y = vec3_dot(at, axes->v);
+    }
+    enum status status =
+        bridge_holes(merger->ctx, &merger->bridges, merger->corners, merger->starts,
+                     plane->loop_count, &merger->taken, merger->polygon, possible);
     if (status != STATUS_OK || !*possible)
         return status;
     size_t n = merger->polygon_count;
@@ -738,9 +625,11 @@ static enum status triangulate_plane(struct merger *merger, const struct plane *
                                      bool *possible)
 {
     struct axes axes = axes_of(plane->normal);
-    enum status status = STATUS_OK;
+    enum status status = take_outline(merger, plane, possible);
+    if (status != STATUS_OK || !*possible)
+        return status;
     *possible = false;
-    if (plane->loop_count > 0 && may_mirror_another(merger, plane))
+    if (may_mirror_another(merger, plane))
         return STATUS_OK;
     for (unsigned turn = 0; turn < (plane->loop_count > 1 ? 4 : 1) && !*possible; turn++) {
         status = try_polygon(merger, plane, &axes, possible);
@@ -869,8 +758,9 @@ static void release(struct merger *merger)
     memory_release(ctx, &merger->chain, merger->chain_capacity, sizeof *merger->chain);
     memory_release(ctx, &merger->chain_kept, merger->chain_kept_capacity, 1);
     memory_release(ctx, &merger->polygon, merger->polygon_capacity, sizeof *merger->polygon);
-    memory_release(ctx, &merger->hole, merger->hole_capacity, sizeof *merger->hole);
-    memory_release(ctx, &merger->holes, merger->hole_place_capacity, sizeof *merger->holes);
+    memory_release(ctx, &merger->corners, merger->corner_capacity, sizeof *merger->corners);
+    memory_release(ctx, &merger->starts, merger->start_capacity, sizeof *merger->starts);
+    bridge_workspace_clear(ctx, &merger->bridges);
     memory_release(ctx, &merger->points, merger->point_capacity, sizeof *merger->points);
     memory_release(ctx, &merger->triangles, merger->triangle_capacity, sizeof *merger->triangles);
     memory_release(ctx, &merger->faces, merger->out_capacity, sizeof *merger->faces);
