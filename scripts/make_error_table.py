@@ -22,7 +22,15 @@ HEAD = """# What the program says of bad input
 
 Every message is one line on standard error: the file, the place in it (line, element or byte) and the reason. Vertices, faces and
 facets are counted from 0, lines from 1. The exit code is 1 for these, as it is for every input that cannot be used. Warnings that come
-before are shown with the word. This page is made by `scripts/make_error_table.py`, which makes each of these
+before are shown with the word.
+
+PLY and OFF in text are read as numbers, not as lines, as other programs do: files that break their lines anywhere are taken. So a number too
+few or too many moves all that follows (row 15). Mostly that ends in an index that does not exist, a word where a number should be, or a
+warning that something follows the last element; where a whole row's worth is missing and the counts in the header agree, nothing can tell. OBJ
+and STL are read by lines and keywords. A polygon takes about 300 bytes of memory a corner while it is triangulated, the only cost that one
+face alone can have; where there is no room for that, the exit code is 4.
+
+This page is made by `scripts/make_error_table.py`, which makes each of these
 files and runs the program on it.
 
 | # | the input | what is said (after `spbm: error: `) |

@@ -52,16 +52,11 @@ enum status measure(struct context *ctx, const char *original, const char *simpl
                     struct mesh *mesh) MUST_CHECK;
 void measurement_clear(struct context *ctx, struct measurement *result);
 
-/* Colours faces by their error, from 0 to `largest` and more, which is returned; 0: so that the
- * worst hundredth of the faces share the last colour. face_colours has one a face, for render.h. */
-enum status measure_colours(struct context *ctx, const struct measurement *result,
-                            const struct mesh *mesh, double *largest,
-                            uint32_t *face_colours) MUST_CHECK;
-
 /* Writes the simplified mesh with its error as vertex property `quality` (float): the larger of the
  * vertex's own distance and the mean distance of the faces round it (a vertex may lie on the
- * original where its faces do not); and as colours red, green, blue, over the range of
- * measure_colours. The mesh's own attributes are left out. */
+ * original where its faces do not); and as colours red, green, blue, from 0 to
+ * what all but the worst hundredth of the faces stay below. The mesh's own attributes are left out.
+ */
 enum status measure_save(struct context *ctx, const char *path,
                          const struct export_options *options, const struct measurement *result,
                          const struct mesh *mesh) MUST_CHECK;

@@ -32,18 +32,6 @@ static double usual_error(const struct measurement *result)
     return largest * (bucket + 1 < BUCKETS ? bucket + 1 : BUCKETS) / BUCKETS;
 }
 
-enum status measure_colours(struct context *ctx, const struct measurement *result,
-                            const struct mesh *mesh, double *largest, uint32_t *face_colours)
-{
-    if (result->face_error_count != mesh->face_count)
-        return fail(ctx, STATUS_INTERNAL, "the errors are those of another mesh");
-    if (!(*largest > 0))
-        *largest = usual_error(result);
-    for (uint64_t f = 0; f < mesh->face_count; f++)
-        face_colours[f] = colour_map(*largest > 0 ? (double)result->face_error[f] / *largest : 0);
-    return STATUS_OK;
-}
-
 /* Mean error of the faces round each vertex, weighed alike, or its own if that is larger. */
 static enum status spread_errors(struct context *ctx, const struct measurement *result,
                                  const struct mesh *mesh, float *errors)

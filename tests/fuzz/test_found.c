@@ -6,9 +6,12 @@
 #include "mesh/parse_number.h"
 #include "simplify/chain_frame.h"
 #include "simplify/collapse.h"
+#include "simplify/simplify.h"
 #include "test_kit.h"
 #include "test_shapes.h"
+#include "test_topology_kit.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -118,6 +121,60 @@ static void a_number_that_is_too_long(void **state)
     assert_true(number.value == 8);
 }
 
+/* Two planes within the same three edges, one of one face and one of three, became the same
+ * triangle twice when planes were merged. */
+static void planes_that_share_their_outline(void **state)
+{
+    (void)state;
+    struct shape shape = {0};
+    struct topology_options options;
+    struct operated out;
+    uint32_t a = shape_vertex(&shape, 1, 1, 1), b = shape_vertex(&shape, -1, -1, 1);
+    uint32_t c = shape_vertex(&shape, 2.5, 3.375, 0.125), d = shape_vertex(&shape, 1, 1, 1);
+    shape_triangle(&shape, a, c, b);
+    shape_triangle(&shape, a, b, d);
+    shape_triangle(&shape, a, d, c);
+    shape_triangle(&shape, b, c, d);
+    topology_defaults(&options);
+    options.merge_coplanar = true;
+    options.export.format = EXPORT_PLY;
+    operate(&shape, &options, 0, &out);
+    assert_true(facts_manifold(&out.facts));
+    assert_int_equal(out.facts.euler, 2);
+    operated_clear(&out);
+    shape_free(&shape);
+}
+
+/* The list of junctions was written one behind its end where a patch ended a list that was just
+ * full (the sanitizer is what fails here): spheres on a coarse grid, one a size. */
+static void lists_of_junctions_that_are_just_full(void **state)
+{
+    (void)state;
+    const char *input = test_path("sphere.ply"), *store = test_path("store");
+    const char *chains = test_path("chains");
+    for (unsigned step = 4; step <= 64; step *= 2) {
+        struct context ctx;
+        struct shape shape = shape_icosphere(2);
+        for (size_t i = 0; i < 3 * shape.vertex_count; i++)
+            shape.positions[i] = rint(shape.positions[i] * step) / step;
+        shape_write(&shape, SHAPE_PLY_LITTLE, input);
+        shape_free(&shape);
+        struct import_options import = {.slab_shift = 0};
+        struct target target = {
+            .kind = TARGET_FACES, .count = 1, .values = {20}, .mode = MODE_COLLAPSE, .effort = 2};
+        struct patch_request request = {.patch_angle = {-1, -1},
+                                        .face_angle = {-1, -1},
+                                        .smoothings = -1,
+                                        .chain_tolerance = -1};
+        context_init(&ctx);
+        assert_int_equal(store_build(&ctx, &input, 1, store, &import, NULL), STATUS_OK);
+        assert_int_equal(chain_build(&ctx, store, chains, &target, &request, NULL), STATUS_OK);
+        assert_int_equal(chain_file_check(&ctx, chains), STATUS_OK);
+        assert_int_equal(ctx.memory_now, 0);
+        context_clear(&ctx);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -126,6 +183,8 @@ int main(void)
         cmocka_unit_test(a_chain_file_whose_patches_do_not_join),
         cmocka_unit_test(a_ply_without_attributes),
         cmocka_unit_test(a_number_that_is_too_long),
+        cmocka_unit_test(planes_that_share_their_outline),
+        cmocka_unit_test(lists_of_junctions_that_are_just_full),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
