@@ -76,7 +76,10 @@ static enum status open_descriptor(struct instream *stream, const char *path)
 
 static enum status read_piece(struct instream *stream, unsigned char *to, size_t size, size_t *got)
 {
-    enum status status = descriptor_read(stream->ctx, stream->fd, stream->name, to, size, got);
+    /* Here, for a reader may take gigabytes without handing anything on. */
+    enum status status = poll_cancel(stream->ctx);
+    if (status == STATUS_OK)
+        status = descriptor_read(stream->ctx, stream->fd, stream->name, to, size, got);
     if (status == STATUS_OK && *got == 0)
         stream->raw_ended = true;
     return status;

@@ -130,6 +130,25 @@ class Misuse(ProgramTest):
 
 
 class Failure(ProgramTest):
+    def test_counts_beyond_an_index_are_refused_with_words(self):
+        """At once, in sparse files as large as they claim to be."""
+        def ply(vertices, faces):
+            return ("ply\nformat binary_little_endian 1.0\nelement vertex %d\nproperty float x\n"
+                    "property float y\nproperty float z\nelement face %d\n"
+                    "property list uchar int vertex_indices\nend_header\n" % (vertices, faces))
+        for name, head, size in (("v.ply", ply(2**32 - 1, 1), 12 * (2**32 - 1) + 13),
+                                 ("w.ply", ply(2**64 - 1, 2**64 - 1), 1000),
+                                 ("o.off", "OFF\n4294967296 4294967296 0\n", 0)):
+            with open(self.path(name), "wb") as file:
+                file.write(head.encode())
+                file.truncate(len(head) + size)
+            began = time.monotonic()
+            _, err = self.run_program("simplify", name, "-o", "x.ply", "--faces", "9", code=1)
+            self.assertIn(name, err)
+            self.assertLess(time.monotonic() - began, 5)
+            if name != "w.ply":
+                self.assertIn("4294967294", err)
+
     def test_missing_and_bad_inputs(self):
         _, err = self.run_program("simplify", "nothing.ply", "-o", "x.ply", "--faces", "9", code=1)
         self.assertIn("nothing.ply", err)
@@ -627,6 +646,25 @@ class Signals(ProgramTest):
             self.assertEqual(names, ["a.ply", "in.ply"] if code == 0 else ["in.ply"])
             if code == 0:
                 os.unlink(self.path("a.ply"))
+
+    def test_a_signal_while_nothing_comes_of_what_is_read(self):
+        """56 GB of a sparse file: faces without corners, all of them left out."""
+        count = 2**32 - 2
+        head = (b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\n"
+                b"property float y\nproperty float z\nelement face %d\n"
+                b"property list uchar int vertex_indices\nend_header\n" % count)
+        with open(self.path("sparse.ply"), "wb") as file:
+            file.write(head)
+            file.truncate(len(head) + 36 + 13 * count)
+        process = subprocess.Popen([PROGRAM, "simplify", "sparse.ply", "-o", "a.ply", "--faces", "9"],
+                                   stderr=subprocess.DEVNULL, env=self.environment,
+                                   cwd=self.folder)
+        time.sleep(0.7)
+        began = time.monotonic()
+        process.send_signal(signal.SIGTERM)
+        self.assertEqual(process.wait(timeout=60), 128 + signal.SIGTERM)
+        self.assertLess(time.monotonic() - began, 5)
+        self.assertEqual(os.listdir(self.folder), ["sparse.ply"])
 
     def test_a_closed_pipe_is_words(self):
         mesh = self.sphere(n=60)
