@@ -47,21 +47,34 @@ static double ask(const struct bvh *tree, struct vec3 p, struct nearest *nearest
     return sqrt(nearest->distance_squared);
 }
 
-static void ask_vertices(const struct bvh *tree, struct forward_slot *slot)
+/* A query far outside all boxes looks at every one of them, so a piece can take minutes: whether to
+ * stop is asked between queries too. */
+static enum status poll_sometimes(struct context *ctx, uint64_t number)
 {
+    return number % 256 == 255 ? poll_cancel(ctx) : STATUS_OK;
+}
+
+static enum status ask_vertices(struct context *ctx, const struct bvh *tree,
+                                struct forward_slot *slot)
+{
+    enum status status = STATUS_OK;
     struct nearest nearest = {INFINITY, UINT32_MAX, {0, 0, 0}};
-    for (uint32_t i = 0; i < slot->piece.vertex_count; i++) {
+    for (uint32_t i = 0; i < slot->piece.vertex_count && status == STATUS_OK; i++) {
         struct vec3 p = vec3_load(slot->piece.vertices + 3 * (size_t)i);
         double distance = ask(tree, p, &nearest);
         slot->largest = fmax(slot->largest, distance);
         slot->found[i] = nearest;
+        status = poll_sometimes(ctx, i);
     }
+    return status;
 }
 
-static void ask_samples(const struct bvh *tree, struct sample_walk walk, struct forward_slot *slot)
+static enum status ask_samples(struct context *ctx, const struct bvh *tree, struct sample_walk walk,
+                               struct forward_slot *slot)
 {
+    enum status status = STATUS_OK;
     struct nearest nearest = {INFINITY, UINT32_MAX, {0, 0, 0}};
-    for (uint32_t f = 0; f < slot->piece.face_count; f++) {
+    for (uint32_t f = 0; f < slot->piece.face_count && status == STATUS_OK; f++) {
         const double *corner = slot->piece.corners + 9 * (size_t)f;
         struct triangle t = {vec3_load(corner), vec3_load(corner + 3), vec3_load(corner + 6)};
         bounds_add(&slot->box, t.a);
@@ -69,15 +82,17 @@ static void ask_samples(const struct bvh *tree, struct sample_walk walk, struct 
         bounds_add(&slot->box, t.c);
         double area = vec3_length(triangle_normal(t.a, t.b, t.c)) * 0.5;
         uint32_t samples = sample_walk_face(&walk, area);
-        for (uint32_t k = 0; k < samples; k++) {
+        for (uint32_t k = 0; k < samples && status == STATUS_OK; k++) {
             struct vec3 p = sample_point(&t, slot->piece.first_face + f, k);
             double distance = ask(tree, p, &nearest);
             slot->largest = fmax(slot->largest, distance);
             precise_add(&slot->sum, distance);
             precise_add(&slot->squares, distance * distance);
+            status = poll_sometimes(ctx, slot->samples + k);
         }
         slot->samples += samples;
     }
+    return status;
 }
 
 static enum status forward_work(void *user, uint64_t job, unsigned worker)
@@ -93,9 +108,11 @@ static enum status forward_work(void *user, uint64_t job, unsigned worker)
     slot->largest = 0;
     slot->samples = 0;
     slot->box = bounds_empty();
-    ask_vertices(&comparison->tree, slot);
-    ask_samples(&comparison->tree, sample_walk_begin(forward->spacing, job), slot);
-    return STATUS_OK;
+    status = ask_vertices(comparison->ctx, &comparison->tree, slot);
+    if (status == STATUS_OK)
+        status = ask_samples(comparison->ctx, &comparison->tree,
+                             sample_walk_begin(forward->spacing, job), slot);
+    return status;
 }
 
 static void set_anchors(struct comparison *comparison, const struct forward_slot *slot)
