@@ -20,21 +20,26 @@ enum { NO_BASE = -1 };
 
 /* ---- positions and attributes: vertices in the order of the chains ---- */
 
-/* The bits of a float as an integer that ascends with the float. */
+/* The bits of a float as an integer that ascends with the float: all inverted below zero, else the
+ * sign set. */
 static inline uint32_t float_to_ordered(float value)
 {
     uint32_t bits;
     memcpy(&bits, &value, sizeof bits);
-    return bits & 0x80000000 ? ~bits : bits | 0x80000000;
+    return bits ^ (0x80000000 | (0 - (bits >> 31)));
 }
 
 static inline float ordered_to_float(uint32_t ordered)
 {
-    uint32_t bits = ordered & 0x80000000 ? ordered & 0x7fffffff : ~ordered;
+    uint32_t bits = ordered ^ (0x80000000 | ((ordered >> 31) - 1));
     float value;
     memcpy(&value, &bits, sizeof value);
     return value;
 }
+
+/* Vertices whose codes are cut into bytes, or put together, at a time: in vectors, where a vertex
+ * by itself would take twelve bytes from as many places. */
+enum { BATCH = 256 };
 
 /* The vertex values of a block and their planes, written or read. */
 struct planes {
@@ -45,7 +50,32 @@ struct planes {
     uint32_t place;       /* of the next vertex in each plane */
     unsigned char *bytes; /* (12 + stride) planes of `count` bytes */
     bool decodes;
+    uint32_t codes[3][BATCH]; /* of the coordinates, places from a multiple of BATCH on */
 };
+
+/* The planes' bytes of the batch that begins at `first`. */
+static void cut_batch(const struct planes *planes, uint32_t first, uint32_t length)
+{
+    for (unsigned plane = 0; plane < 12; plane++) {
+        const uint32_t *codes = planes->codes[plane / 4];
+        unsigned char *bytes = planes->bytes + plane * (size_t)planes->count + first;
+        const unsigned shift = 8 * (plane % 4);
+        for (uint32_t i = 0; i < length; i++)
+            bytes[i] = (unsigned char)(codes[i] >> shift);
+    }
+}
+
+static void join_batch(struct planes *planes, uint32_t first, uint32_t length)
+{
+    for (unsigned axis = 0; axis < 3; axis++) {
+        const size_t count = planes->count;
+        const unsigned char *bytes = planes->bytes + 4 * axis * count + first;
+        uint32_t *codes = planes->codes[axis];
+        for (uint32_t i = 0; i < length; i++)
+            codes[i] = bytes[i] | (uint32_t)bytes[count + i] << 8 |
+                       (uint32_t)bytes[2 * count + i] << 16 | (uint32_t)bytes[3 * count + i] << 24;
+    }
+}
 
 /* What a coordinate is expected to be: that of the vertex `base`. (Extrapolating along the chain is
  * worse on scans: boundaries zigzag.) */
@@ -55,24 +85,9 @@ static inline uint32_t predict(const struct planes *planes, int64_t base, unsign
                            : float_to_ordered(planes->positions[3 * base + axis]);
 }
 
-static inline void code_vertex(struct planes *planes, uint32_t vertex, int64_t base)
+static inline void code_record(struct planes *planes, uint32_t place, uint32_t vertex, int64_t base)
 {
-    size_t count = planes->count, place = planes->place++;
-    for (unsigned axis = 0; axis < 3; axis++) {
-        unsigned char *plane = planes->bytes + 4 * axis * count + place;
-        uint32_t expected = predict(planes, base, axis);
-        float *position = planes->positions + 3 * (size_t)vertex + axis;
-        if (planes->decodes) {
-            uint32_t code = 0;
-            for (unsigned b = 0; b < 4; b++)
-                code |= (uint32_t)plane[b * count] << 8 * b;
-            *position = ordered_to_float(expected + unzigzag(code));
-        } else {
-            uint32_t code = zigzag(float_to_ordered(*position) - expected);
-            for (unsigned b = 0; b < 4; b++)
-                plane[b * count] = (unsigned char)(code >> 8 * b);
-        }
-    }
+    const size_t count = planes->count;
     unsigned char *plane = planes->bytes + 12 * count + place;
     unsigned char *record = planes->records + (size_t)vertex * planes->stride;
     const unsigned char *like =
@@ -84,6 +99,26 @@ static inline void code_vertex(struct planes *planes, uint32_t vertex, int64_t b
         else
             plane[i * count] = (unsigned char)(record[i] - expected);
     }
+}
+
+static inline void code_vertex(struct planes *planes, uint32_t vertex, int64_t base)
+{
+    const uint32_t place = planes->place++, at = place % BATCH, first = place - at;
+    const uint32_t left = planes->count - first, length = left < BATCH ? left : BATCH;
+    float *position = planes->positions + 3 * (size_t)vertex;
+    if (planes->decodes && at == 0)
+        join_batch(planes, first, length);
+    for (unsigned axis = 0; axis < 3; axis++) {
+        uint32_t expected = predict(planes, base, axis), *code = &planes->codes[axis][at];
+        if (planes->decodes)
+            position[axis] = ordered_to_float(expected + unzigzag(*code));
+        else
+            *code = zigzag(float_to_ordered(position[axis]) - expected);
+    }
+    if (!planes->decodes && at + 1 == length)
+        cut_batch(planes, first, length);
+    if (planes->stride)
+        code_record(planes, place, vertex, base);
 }
 
 /*

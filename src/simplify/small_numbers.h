@@ -49,12 +49,12 @@ static inline uint32_t get(struct source *source)
 /* 0, -1, 1, -2, 2 ... become 0, 1, 2, 3, 4 ... */
 static inline uint32_t zigzag(uint32_t difference)
 {
-    return difference << 1 ^ (difference >> 31 ? UINT32_MAX : 0);
+    return difference << 1 ^ (0 - (difference >> 31));
 }
 
 static inline uint32_t unzigzag(uint32_t code)
 {
-    return code >> 1 ^ (code & 1 ? UINT32_MAX : 0);
+    return code >> 1 ^ (0 - (code & 1));
 }
 
 static size_t left_in(const struct source *source)
