@@ -259,6 +259,12 @@ enum status memory_resize(struct context *ctx, void *inout, size_t old_count, si
     return STATUS_OK;
 }
 
+void memory_use_whole(void *block, size_t count, size_t size)
+{
+    if (is_map(count * size))
+        (void)madvise(block, map_bytes(count * size), MADV_HUGEPAGE);
+}
+
 void memory_release(struct context *ctx, void *inout, size_t count, size_t size)
 {
     void *block = get_pointer(inout);

@@ -315,6 +315,8 @@ static enum status reserve(struct context *ctx, struct patch_workspace *space, s
         space->room_capacity = 0;
         status = memory_take(ctx, bytes, 1, &space->room);
         space->room_capacity = status ? 0 : bytes;
+        if (!status)
+            memory_use_whole(space->room, bytes, 1);
     }
     if (!status)
         status = memory_reserve(ctx, &space->candidates, &space->candidate_capacity,

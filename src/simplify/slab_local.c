@@ -24,6 +24,8 @@ static enum status reserve(struct context *ctx, struct slab_local *local, size_t
         release_faces(ctx, local);
         status = memory_take(ctx, faces, FACE_STRIDE * sizeof *local->faces, &local->faces);
         local->face_capacity = status ? 0 : faces;
+        if (!status)
+            memory_use_whole(local->faces, faces, FACE_STRIDE * sizeof *local->faces);
     }
     if (!status && vertices > local->vertex_capacity) {
         memory_release(ctx, &local->positions, local->vertex_capacity,
