@@ -68,10 +68,13 @@ static uint64_t control_group_memory(void)
         *path++ = '\0';
         controllers++;
         uint64_t value = UINT64_MAX;
-        if (*controllers == '\0')
+        if (*controllers == '\0') {
+            uint64_t high = group_limit("/sys/fs/cgroup", path, "memory.high");
             value = group_limit("/sys/fs/cgroup", path, "memory.max");
-        else if (strcmp(controllers, "memory") == 0)
+            value = high < value ? high : value; /* above it the group is slowed down */
+        } else if (strcmp(controllers, "memory") == 0) {
             value = group_limit("/sys/fs/cgroup/memory", path, "memory.limit_in_bytes");
+        }
         if (value < least)
             least = value;
     }

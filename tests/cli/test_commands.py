@@ -604,6 +604,38 @@ class Report(ProgramTest):
         self.assertEqual((limits["memory"], limits["threads"]), (3 << 29, 3))
 
 
+    def test_limit_of_the_control_group(self):
+        """Half of it is the default, and the report says so."""
+        for root, name in (("/sys/fs/cgroup/memory", "memory.limit_in_bytes"),
+                           ("/sys/fs/cgroup", "memory.max")):
+            group = os.path.join(root, "spbm-test-%d" % os.getpid())
+            try:
+                os.mkdir(group)
+                self.addCleanup(os.rmdir, group)
+                with open(os.path.join(group, name), "w", encoding="ascii") as file:
+                    file.write(str(400 << 20))
+                break
+            except OSError:
+                continue
+        else:
+            self.skipTest("no control group can be made here")
+
+        def enter():
+            with open(os.path.join(group, "cgroup.procs"), "w", encoding="ascii") as file:
+                file.write("0")
+        subprocess.run([PROGRAM, "info", self.sphere(n=4), "--json", "r.json"], check=True,
+                       preexec_fn=enter, cwd=self.folder, env=self.environment,
+                       stdout=subprocess.DEVNULL)
+        limits = read_json(self.path("r.json"))["limits"]
+        self.assertEqual(limits["memory"], 200 << 20)
+        self.assertEqual(limits["memory_from"], "half of the control group's memory")
+        for _ in range(50):  # the group is left a moment after the process has ended
+            with open(os.path.join(group, "cgroup.procs"), encoding="ascii") as file:
+                if not file.read():
+                    break
+            time.sleep(0.05)
+
+
 class Signals(ProgramTest):
     def start(self, number, *words, **how):
         """Starts it on an input that does not end, sends the signal, returns (code, seconds)."""
