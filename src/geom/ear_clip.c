@@ -43,6 +43,7 @@ struct clipper {
     uint32_t *heap, *place;
     double *key;          /* 4 * kind + 1 - cosine */
     uint8_t *is_blocking; /* not convex and not cut */
+    uint32_t blocking_count;
     uint8_t *is_forbidden;
 };
 
@@ -152,6 +153,8 @@ static bool blocks(const void *user, uint32_t corner)
 
 static bool has_blocker(const struct clipper *clipper, const struct ear *ear)
 {
+    if (clipper->blocking_count == 0)
+        return false;
     const struct grid_point *points = clipper->points;
     struct grid_point a = points[ear->a], b = points[ear->b], c = points[ear->c];
     if (clipper->has_tree)
@@ -164,8 +167,10 @@ static bool has_blocker(const struct clipper *clipper, const struct ear *ear)
 
 /* ---- states ---- */
 
+/* To something else than it was. */
 static void set_blocking(struct clipper *clipper, uint32_t corner, bool is_blocking)
 {
+    clipper->blocking_count += is_blocking ? 1 : UINT32_MAX;
     if (clipper->has_tree)
         point_tree_switch(&clipper->tree, corner, is_blocking);
     else
@@ -255,6 +260,7 @@ static enum status set_up(struct context *ctx, struct scratch *scratch,
         clipper->next[i] = i + 1 == input->n ? 0 : i + 1;
         clipper->is_blocking[i] = orientation(input->points[clipper->previous[i]], input->points[i],
                                               input->points[clipper->next[i]]) <= 0;
+        clipper->blocking_count += clipper->is_blocking[i];
     }
     if (has_tree)
         point_tree_build(&clipper->tree, input->points, input->n, clipper->is_blocking,

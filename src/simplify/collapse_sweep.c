@@ -190,13 +190,16 @@ static void renew_keys(struct collapse *c, const struct edge_change *change, uin
  * typical error to grow. The largest distance falls by a quarter to a half for 1 to 2 % of the mean
  * (koala, elephant and bunny at 1 and 2 %).
  */
-static double overshoot_price(const struct collapse *c, const struct edge_change *change)
+static double overshoot_price(const struct collapse *c, const struct edge_change *change,
+                              double cost, double threshold)
 {
     const double usual = OVERSHOOT * c->typical_error;
-    const double overshoot = usual > 0 ? edge_overshoot(change, usual) : 0;
-    if (overshoot <= usual)
+    if (!(usual > 0) || !(cost > 0))
         return 1;
-    return overshoot / usual * (overshoot / usual);
+    /* up to here the edge is done in this sweep all the same */
+    const double enough = usual * sqrt(threshold / cost);
+    const double overshoot = edge_overshoot(change, enough);
+    return overshoot <= enough ? 1 : overshoot / usual * (overshoot / usual);
 }
 
 /* Where edge i of v leads, its vertex rounded to what can be stored. */
@@ -253,8 +256,8 @@ static enum trial try_edge(struct collapse *c, struct territory *t, uint32_t v,
         t->held_back = true;
         return TRIAL_DEAR;
     }
-    const double dearer = overshoot_price(c, &change);
-    if (dearer > 1 && (double)edges->costs[i] * dearer > (double)threshold) {
+    const double dearer = overshoot_price(c, &change, (double)edges->costs[i], (double)threshold);
+    if (dearer > 1) {
         edges->costs[i] *= (float)dearer;
         return TRIAL_DEAR;
     }
