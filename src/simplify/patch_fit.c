@@ -175,10 +175,21 @@ static enum status copy_excerpt(struct context *ctx, const struct slab *slab, ui
     return status;
 }
 
-static enum status fill_excerpt(struct sample *sample, uint32_t index, uint64_t first)
+/* The first face of an excerpt: they are spread evenly. */
+static uint64_t excerpt_first(const struct sample *sample, uint64_t index)
 {
+    if (sample->excerpt_count == 1)
+        return 0;
+    return (2 * index + 1) * (sample->faces - EXCERPT_FACES) / (2 * sample->excerpt_count);
+}
+
+static enum status fill_excerpt(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct sample *sample = user;
     struct slab slab = {0};
-    struct excerpt *excerpt = &sample->excerpts[index];
+    struct excerpt *excerpt = &sample->excerpts[job];
+    const uint64_t first = excerpt_first(sample, job);
     enum status status =
         slab_open(sample->store, (uint32_t)(first >> store_info(sample->store)->slab_shift), &slab);
     if (!status) {
@@ -196,12 +207,7 @@ static enum status fill_sample(struct sample *sample)
 {
     sample->faces = store_info(sample->store)->topology.faces;
     sample->excerpt_count = sample->faces > EXCERPTS * EXCERPT_FACES ? EXCERPTS : 1;
-    enum status status = STATUS_OK;
-    for (uint32_t i = 0; i < sample->excerpt_count && !status; i++)
-        status = fill_excerpt(sample, i,
-                              (2 * i + 1) * (sample->faces - EXCERPT_FACES) /
-                                  (2 * sample->excerpt_count) * (sample->excerpt_count > 1));
-    return status;
+    return parallel_for(sample->ctx, sample->excerpt_count, fill_excerpt, sample);
 }
 
 /* Trials differ in their angles, hardly ever in their normals. */
