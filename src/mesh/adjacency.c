@@ -4,9 +4,9 @@
  * The naive way is a hash map over all edges; it then dominates everything. Here a slab at a time
  * is matched in arrays that stay in the cache: each edge is filed under its lower vertex in a list
  * of the edges met so far, which holds about three entries, and the second face to come finds the
- * first. Lists can be long (the apex of a large fan), so the steps along them are counted, and a
- * slab that takes too many is matched anew with edges filed under their end of lower degree: the
- * sum over the edges of the lesser degree is linear in planar meshes and at most m^1.5 in any.
+ * first. Lists can be long (the apex of a large fan, or more faces than vertices), so the steps
+ * along them are counted, and a slab that takes too many is matched anew by sorting each vertex's
+ * edges.
  *
  * An edge can have faces in several slabs only if both its ends are shared between slabs. All sides
  * of such edges, some per cent of all, are sorted by their ends, and what stands together is
@@ -20,11 +20,12 @@
 #include "base/external_sort.h"
 #include "base/memory.h"
 #include "base/parallel.h"
+#include "base/radix_sort.h"
 
 #define CROWDED (UINT32_MAX - 1) /* in neighbours[] of a slab in work: more than two faces */
 
 enum {
-    STEP_LIMIT = 64, /* list steps an edge before a slab is matched by degree */
+    STEP_LIMIT = 12, /* list steps an edge before a slab is matched by sorting; scans take 1 or 2 */
     ALL_SHARED = 4 /* with the edge, in a record of the join: all corners of the face are shared */
 };
 
@@ -45,8 +46,10 @@ struct matcher { /* one a worker */
     struct slab_scope scope;
     uint32_t *head; /* a list for each local vertex */
     size_t head_capacity;
-    uint32_t *degree;
-    size_t degree_capacity;
+    uint64_t *sides; /* sorted: the end that is not filed under, above its corner */
+    size_t side_capacity;
+    uint64_t *scratch;
+    size_t scratch_capacity;
     struct filed_edge *filed;
     size_t filed_capacity;
 };
@@ -103,13 +106,12 @@ static void link_or_refuse(const struct slab_edges *s, uint32_t earlier, uint32_
     }
 }
 
-/* Files the edges of all faces and matches each with the one filed before; given up, and !*is_done,
- * after too many steps. `degree` NULL files under the lower vertex. */
-static enum status match_edges(const struct slab_edges *s, struct matcher *m,
-                               const uint32_t *degree, bool *is_done)
+/* Files the edges of all faces under their lower vertex and matches each with the one filed before;
+ * given up, and !*is_done, after too many steps. */
+static enum status match_edges(const struct slab_edges *s, struct matcher *m, bool *is_done)
 {
     const struct slab_scope *scope = &m->scope;
-    const uint64_t limit = degree ? UINT64_MAX : (uint64_t)STEP_LIMIT * 3 * scope->face_count;
+    const uint64_t limit = (uint64_t)STEP_LIMIT * 3 * scope->face_count;
     struct filed_edge *filed = m->filed;
     *is_done = false;
     uint32_t *head = m->head;
@@ -132,10 +134,7 @@ static enum status match_edges(const struct slab_edges *s, struct matcher *m,
             local[k] = scope_local(scope, face[k]);
         for (unsigned k = 0; k < 3; k++) {
             unsigned n = next3(k);
-            bool under_first =
-                degree ? degree[local[k]] < degree[local[n]] ||
-                             (degree[local[k]] == degree[local[n]] && local[k] < local[n])
-                       : local[k] < local[n];
+            bool under_first = local[k] < local[n];
             uint32_t under = under_first ? local[k] : local[n];
             uint32_t other = under_first ? face[n] : face[k];
             uint32_t e = head[under];
@@ -157,19 +156,80 @@ static enum status match_edges(const struct slab_edges *s, struct matcher *m,
     return STATUS_OK;
 }
 
-static enum status match_by_degree(const struct slab_edges *s, struct matcher *m)
+/* Files all sides under the lower of their ends: those of local vertex v are [end of v - 1, end of
+ * v) of m->sides, the ends being m->head. */
+static void file_sides(const struct slab_edges *s, struct matcher *m)
 {
     const struct slab_scope *scope = &m->scope;
     const uint32_t locals = scope_local_count(scope);
+    uint32_t *end = m->head;
+    for (int pass = 0; pass < 2; pass++) {
+        if (pass == 0)
+            memset(end, 0, (size_t)locals * sizeof *end);
+        for (uint32_t f = 0; f < scope->face_count; f++) {
+            const uint32_t *face = s->faces + 3 * (size_t)f;
+            uint32_t local[3];
+            for (unsigned k = 0; k < 3; k++)
+                local[k] = scope_local(scope, face[k]);
+            for (unsigned k = 0; k < 3; k++) {
+                unsigned n = next3(k), under = local[k] < local[n] ? k : n;
+                uint32_t other = face[under == k ? n : k];
+                if (pass == 1)
+                    m->sides[end[local[under]]] = (uint64_t)other << 32 | f << 2 | k;
+                end[local[under]]++;
+            }
+        }
+        uint32_t begin = 0; /* counts become begins, which filling turns into ends */
+        for (uint32_t v = 0; v < locals && pass == 0; v++) {
+            uint32_t count = end[v];
+            end[v] = begin;
+            begin += count;
+        }
+    }
+}
+
+/* Sides with both ends in common: two are joined, of more all are refused. */
+static void match_group(const struct slab_edges *s, const uint64_t *sides, size_t count)
+{
+    for (size_t i = 0; i < count && count > 2; i++) {
+        uint32_t corner = (uint32_t)sides[i];
+        s->neighbours[3 * (size_t)(corner >> 2) + (corner & 3)] = CROWDED;
+    }
+    if (count == 2)
+        link_or_refuse(s, (uint32_t)sides[0], (uint32_t)sides[1]);
+}
+
+static enum status match_by_sorting(const struct slab_edges *s, struct matcher *m)
+{
+    const struct slab_scope *scope = &m->scope;
+    const size_t count = 3 * (size_t)scope->face_count;
     enum status status =
-        memory_reserve(scope->ctx, &m->degree, &m->degree_capacity, locals, sizeof(uint32_t));
+        memory_reserve(scope->ctx, &m->sides, &m->side_capacity, count, sizeof *m->sides);
+    if (status == STATUS_OK)
+        status = memory_reserve(scope->ctx, &m->scratch, &m->scratch_capacity, count,
+                                sizeof *m->scratch);
     if (status != STATUS_OK)
         return status;
-    memset(m->degree, 0, (size_t)locals * sizeof *m->degree);
-    for (size_t i = 0; i < 3 * (size_t)scope->face_count; i++)
-        m->degree[scope_local(scope, s->faces[i])]++;
-    bool is_done;
-    return match_edges(s, m, m->degree, &is_done);
+    memset(s->neighbours, 0xff, count * sizeof *s->neighbours);
+    memset(s->mates, 0, scope->face_count);
+    file_sides(s, m);
+    for (uint32_t v = 0, begin = 0; v < scope_local_count(scope) && status == STATUS_OK; v++) {
+        const uint32_t size = m->head[v] - begin;
+        unsigned char *bytes;
+        status =
+            radix_sort(scope->ctx, (unsigned char *)(m->sides + begin),
+                       (unsigned char *)(m->scratch + begin), size, sizeof *m->sides, 1, &bytes);
+        const uint64_t *sorted =
+            bytes == (unsigned char *)(m->sides + begin) ? m->sides + begin : m->scratch + begin;
+        for (uint32_t i = 0, group = 0; i < size && status == STATUS_OK; i++) {
+            if (i + 1 < size && sorted[i + 1] >> 32 == sorted[i] >> 32)
+                continue;
+            match_group(s, sorted + group, i + 1 - group);
+            group = i + 1;
+        }
+        begin = m->head[v];
+    }
+    return status;
 }
 
 static enum status append_edge(struct context *ctx, struct edge_record **list, size_t *count,
@@ -257,9 +317,9 @@ static enum status match_slab(void *user, uint64_t job, unsigned worker)
                                  draft->neighbours + 3 * (size_t)first, draft->mates + first,
                                  first};
     bool is_done;
-    status = match_edges(&s, m, NULL, &is_done);
+    status = match_edges(&s, m, &is_done);
     if (status == STATUS_OK && !is_done)
-        status = match_by_degree(&s, m);
+        status = match_by_sorting(&s, m);
     if (status == STATUS_OK)
         status = collect(build, &s, m->scope.face_count, found);
     return status;
@@ -599,7 +659,8 @@ static void release(struct build *build)
         struct matcher *m = &build->matchers[i];
         scope_clear(&m->scope);
         memory_release(ctx, &m->head, m->head_capacity, sizeof *m->head);
-        memory_release(ctx, &m->degree, m->degree_capacity, sizeof *m->degree);
+        memory_release(ctx, &m->sides, m->side_capacity, sizeof *m->sides);
+        memory_release(ctx, &m->scratch, m->scratch_capacity, sizeof *m->scratch);
         memory_release(ctx, &m->filed, m->filed_capacity, sizeof *m->filed);
     }
     memory_release(ctx, &build->matchers, ctx->threads, sizeof *build->matchers);
