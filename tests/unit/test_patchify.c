@@ -526,6 +526,73 @@ static void no_faces(void **unused)
     context_clear(&ctx);
 }
 
+/* ---- the set that gives its lowest ---- */
+
+/* Against an array of flags, for sizes round the ends of words and levels. */
+static void bit_tree_gives_the_lowest(void **unused)
+{
+    (void)unused;
+    static const uint32_t sizes[] = {1, 2, 63, 64, 65, 4095, 4096, 4097, 300000};
+    uint64_t state = 21;
+    for (unsigned s = 0; s < sizeof sizes / sizeof *sizes; s++) {
+        const uint32_t size = sizes[s];
+        uint64_t *memory = malloc(bit_tree_words(size) * sizeof *memory);
+        bool *flags = calloc(size, sizeof *flags);
+        assert_true(memory && flags);
+        struct bit_tree tree;
+        bit_tree_init(&tree, memory, size);
+        for (unsigned round = 0; round < 400; round++) {
+            uint32_t number = (uint32_t)random_below(&state, size), lowest = 0, found;
+            bool is_wanted = random_below(&state, 3) != 0;
+            bit_tree_set_if(&tree, number, is_wanted);
+            flags[number] |= is_wanted;
+            if (random_below(&state, 2) && bit_tree_lowest(&tree, &found)) {
+                bit_tree_clear(&tree, found);
+                flags[found] = false;
+            }
+            while (lowest < size && !flags[lowest])
+                lowest++;
+            assert_int_equal(bit_tree_lowest(&tree, &found), lowest < size);
+            if (lowest < size)
+                assert_int_equal(found, lowest);
+        }
+        free(memory);
+        free(flags);
+    }
+}
+
+/* Angles tried one after the other on one slab give what each gives alone. */
+static void growing_again_is_growing_anew(void **unused)
+{
+    (void)unused;
+    struct fixture fixture;
+    begin(&fixture, shape_noisy_sphere(4, 0.03, 9), 1 << 18);
+    const uint32_t faces = fixture.slabs.slabs[0].face_count;
+    struct patch_workspace space = {0};
+    static const double tried[] = {20, 5, 60, 5};
+    for (unsigned i = 0; i < 4; i++) {
+        struct patch_options options = test_patch_options(tried[i], tried[i], 2);
+        struct grown_patch patch;
+        uint32_t count = 0;
+        if (i == 0)
+            assert_int_equal(
+                patch_growth_begin(&fixture.ctx, fixture.slabs.slabs, &options, &space), STATUS_OK);
+        else
+            patch_growth_again(&space, &options);
+        while (patch_growth_next(&space, &patch)) {
+            assert_int_equal(patch.number, count++);
+            assert_int_equal(patch.vertex_count - patch.edge_count,
+                             (patch.face_count + 2 - patch.edge_count) / 2); /* a disk */
+        }
+        grow(&fixture, &options);
+        assert_int_equal(count, fixture.count);
+        for (uint32_t f = 0; f < faces; f++)
+            assert_int_equal(space.local.faces[FACE_STRIDE * f + LABEL], fixture.labels[f]);
+    }
+    patch_workspace_clear(&fixture.ctx, &space);
+    end(&fixture);
+}
+
 /* ---- normals ---- */
 
 static void fill_normals(struct fixture *fixture, uint32_t smoothings, float *normals)
@@ -694,6 +761,8 @@ int main(void)
         cmocka_unit_test(scale_does_not_matter),
         cmocka_unit_test(every_slab_ends_its_patches),
         cmocka_unit_test(no_faces),
+        cmocka_unit_test(bit_tree_gives_the_lowest),
+        cmocka_unit_test(growing_again_is_growing_anew),
         cmocka_unit_test(smoothing_averages_neighbours),
         cmocka_unit_test(zero_area_faces_take_their_neighbours_normals),
         cmocka_unit_test(unit_vectors_keep_their_code),
