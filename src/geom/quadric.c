@@ -233,12 +233,6 @@ static double border_at(const struct border_sum *sum, const double x[3])
     return value > 0 ? value : 0;
 }
 
-double border_sum_distance(const struct border_sum *sum, const double x[3])
-{
-    const double weight = (sum->square[0] + sum->square[3] + sum->square[5]) / 2;
-    return weight > 0 ? border_at(sum, x) / weight : 0;
-}
-
 static double length_square(const struct edge_lanes *e, unsigned i)
 {
     const double edge[3] = {(double)e->edge[0][i], (double)e->edge[1][i], (double)e->edge[2][i]};

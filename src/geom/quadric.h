@@ -65,9 +65,6 @@ struct border_sum {
 
 void border_sum_add(struct border_sum *sum, const double from[3], const double to[3]);
 
-/* Mean squared distance of x from the edges' lines, weighted with their squared lengths. */
-double border_sum_distance(const struct border_sum *sum, const double x[3]);
-
 /* One lane again, with the border's term weighted against the volume's. */
 void edge_border_place(const struct fan *fan, float reach_square, const struct border_sum *border,
                        double weight, struct edge_lanes *lanes, unsigned lane);

@@ -20,6 +20,9 @@
 #include "collapse_internal.h"
 
 static const double BORDER_WEIGHT = 1;
+/* The part of an error bound that one collapse may use: where everything is driven up to a bound,
+ * the witnesses see about half of the largest distance. */
+static const double BOUND_PART = 0.5;
 
 /* ---- beginning and end ---- */
 
@@ -74,11 +77,13 @@ static void choose_frame(struct collapse *c, const double *doubles, const float 
     for (int k = 0; k < 3; k++)
         c->origin[k] = c->is_float32 ? 0 : low[k] + (high[k] - low[k]) / 2;
     c->scale = choose_scale(c->face_count, low, high);
+    const double unit = c->scale;
     for (size_t i = 0; i < count && c->is_float32; i++) {
         const double scaled = (doubles ? doubles[i] : (double)floats[i]) * c->scale;
         if ((double)(float)scaled != scaled)
             c->scale = 1; /* would lose bits of a tiny number: rather be exact */
     }
+    c->unit = (float)fmin(unit / c->scale, 0x1p100);
 }
 
 static enum status start(struct context *ctx, const struct collapse_options *options,
@@ -86,7 +91,7 @@ static enum status start(struct context *ctx, const struct collapse_options *opt
                          const struct attributes *attributes, struct collapse **out)
 {
     *out = NULL;
-    if (face_count > (UINT32_MAX - 2) / 3 || vertex_count > UINT32_MAX - 2)
+    if (face_count > (UINT32_MAX - 2) / 3 || vertex_count > VERTICES_MAX)
         return fail(ctx, STATUS_INTERNAL, "edge collapse of %llu faces is beyond 32-bit corners",
                     (unsigned long long)face_count);
     enum status status = memory_take_zeroed(ctx, 1, sizeof **out, out);
@@ -115,7 +120,7 @@ static enum status take_faces(struct collapse *c, const uint32_t *faces)
 }
 
 static enum status take_vertices(struct collapse *c, const double *doubles, const float *floats,
-                                 const unsigned char *locked, const float *errors)
+                                 const unsigned char *locked, const float *witnesses)
 {
     const size_t count = (size_t)c->vertex_count;
     enum status status = memory_take(c->ctx, count, sizeof *c->vertices, &c->vertices);
@@ -129,10 +134,14 @@ static enum status take_vertices(struct collapse *c, const double *doubles, cons
                 doubles ? doubles[3 * (size_t)v + k] : (double)floats[3 * (size_t)v + k];
             vertex->position[k] = (float)((x - c->origin[k]) * c->scale);
         }
-        vertex->source = v;
-        vertex->error = errors ? (float)((double)errors[v] * c->scale) : 0;
-        if ((double)vertex->error > c->largest_error)
-            c->largest_error = (double)vertex->error;
+        vertex->source = v & VERTICES_MAX;
+        vertex->offset = 0;
+        float offset[3] = {0, 0, 0};
+        for (size_t k = 0; witnesses && k < 3; k++)
+            offset[k] =
+                (float)(((double)witnesses[3 * (size_t)v + k] - (double)floats[3 * (size_t)v + k]) *
+                        c->scale);
+        witness_set(c, v, offset);
         vertex->flags = locked && locked[v] ? VERTEX_LOCKED : 0;
     }
     return STATUS_OK;
@@ -155,14 +164,14 @@ enum status collapse_begin(struct context *ctx, const struct collapse_options *o
                            uint64_t vertex_count, uint64_t face_count, const double *positions,
                            const uint32_t *faces, const struct attributes *attributes,
                            const unsigned char *records, const unsigned char *locked,
-                           const float *base_error, struct collapse **out)
+                           struct collapse **out)
 {
     const struct attributes *kept = attributes && records ? attributes : NULL;
     enum status status = start(ctx, options, vertex_count, face_count, kept, out);
     if (status == STATUS_OK)
         status = take_faces(*out, faces);
     if (status == STATUS_OK)
-        status = take_vertices(*out, positions, NULL, locked, base_error);
+        status = take_vertices(*out, positions, NULL, locked, NULL);
     if (status == STATUS_OK && kept) {
         const size_t stride = kept->stride;
         status = memory_take(ctx, (size_t)vertex_count, stride, &(*out)->records);
@@ -188,13 +197,13 @@ enum status collapse_begin_giving(struct context *ctx, const struct collapse_opt
         status = take_faces(*out, mesh->faces);
     memory_release(ctx, &mesh->faces, (size_t)mesh->face_count, 3 * sizeof *mesh->faces);
     if (status == STATUS_OK)
-        status = take_vertices(*out, NULL, mesh->positions, mesh->locked, mesh->errors);
+        status = take_vertices(*out, NULL, mesh->positions, mesh->locked, mesh->witnesses);
     if (status == STATUS_OK) {
         (*out)->records = mesh->records;
         mesh->records = NULL;
     }
     memory_release(ctx, &mesh->positions, vertices, 3 * sizeof *mesh->positions);
-    memory_release(ctx, &mesh->errors, vertices, sizeof *mesh->errors);
+    memory_release(ctx, &mesh->witnesses, vertices, 3 * sizeof *mesh->witnesses);
     if (status == STATUS_OK)
         status = make_ready(*out);
     collapse_mesh_clear(ctx, stride, mesh);
@@ -208,7 +217,7 @@ void collapse_mesh_clear(struct context *ctx, uint32_t stride, struct collapse_m
     const size_t vertices = (size_t)mesh->vertex_count;
     memory_release(ctx, &mesh->positions, vertices, 3 * sizeof *mesh->positions);
     memory_release(ctx, &mesh->faces, (size_t)mesh->face_count, 3 * sizeof *mesh->faces);
-    memory_release(ctx, &mesh->errors, vertices, sizeof *mesh->errors);
+    memory_release(ctx, &mesh->witnesses, vertices, 3 * sizeof *mesh->witnesses);
     memory_release(ctx, &mesh->locked, vertices, 1);
     memory_release(ctx, &mesh->records, vertices, stride);
     memset(mesh, 0, sizeof *mesh);
@@ -219,7 +228,7 @@ void collapse_mesh_clear(struct context *ctx, uint32_t stride, struct collapse_m
 enum status collapse_run(struct collapse *c, uint64_t most_faces, double most_error)
 {
     const double part = sweep_part(c);
-    most_error *= c->scale;
+    most_error *= c->scale * BOUND_PART;
     if (c->held_back && most_error > c->error_bound) {
         c->held_back = false;
         keys_sample(c);
@@ -258,7 +267,11 @@ uint64_t collapse_faces(const struct collapse *c)
 
 double collapse_error(const struct collapse *c)
 {
-    return c->largest_error / c->scale;
+    double largest = 0;
+    for (uint32_t v = 0; v < c->vertex_slots; v++)
+        if (c->vertices[v].corner != NO_INDEX)
+            largest = fmax(largest, vertex_error(c, v, largest));
+    return largest / c->scale;
 }
 
 bool collapse_exhausted(const struct collapse *c)
@@ -364,7 +377,7 @@ enum status collapse_extract_compact(struct collapse *c, struct collapse_mesh *m
     if (status == STATUS_OK)
         status = memory_take(ctx, live, 3 * sizeof *mesh->positions, &mesh->positions);
     if (status == STATUS_OK)
-        status = memory_take(ctx, live, sizeof *mesh->errors, &mesh->errors);
+        status = memory_take(ctx, live, 3 * sizeof *mesh->witnesses, &mesh->witnesses);
     if (status == STATUS_OK && c->records)
         status = memory_take(ctx, live, c->attributes.stride, &mesh->records);
     if (status != STATUS_OK) {
@@ -374,9 +387,13 @@ enum status collapse_extract_compact(struct collapse *c, struct collapse_mesh *m
     }
     for (size_t i = 0; i < live; i++) {
         const struct collapse_vertex *vertex = &c->vertices[(*sources)[i]];
-        for (int k = 0; k < 3; k++)
+        float offset[3];
+        witness_get(c, (*sources)[i], offset);
+        for (int k = 0; k < 3; k++) {
             mesh->positions[3 * i + k] = (float)((double)vertex->position[k] / c->scale);
-        mesh->errors[i] = (float)((double)vertex->error / c->scale);
+            mesh->witnesses[3 * i + k] =
+                (float)(((double)vertex->position[k] + (double)offset[k]) / c->scale);
+        }
     }
     finish_vertices(c, *sources, live, mesh->records);
     return STATUS_OK;

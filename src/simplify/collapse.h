@@ -31,23 +31,23 @@ struct collapse; /* the mesh being simplified */
  * Takes a mesh that holds M1 to M4. Positions (3 doubles), faces and records are copied in compact
  * form (positions that are not all float32 are rounded to float32 relative to the middle of their
  * box); the caller may release them at once. `locked`: one byte a vertex, not 0 where a vertex must
- * neither move nor vanish (NULL: none). `base_error`: one float a vertex, the error that the mesh
- * already has there against the original (NULL: none); estimates begin with it.
+ * neither move nor vanish (NULL: none).
  */
 enum status collapse_begin(struct context *ctx, const struct collapse_options *options,
                            uint64_t vertex_count, uint64_t face_count, const double *positions,
                            const uint32_t *faces, const struct attributes *attributes,
                            const unsigned char *records, const unsigned char *locked,
-                           const float *base_error, struct collapse **out) MUST_CHECK;
+                           struct collapse **out) MUST_CHECK;
 
 /* The same for a mesh in compact form that is given away, so that it need not be held twice: the
- * arrays are released, on failure too. Positions and errors are float32; positions are kept as they
- * are. Any of locked, errors and records may be NULL. */
+ * arrays are released, on failure too. Positions are kept as they are. Any of witnesses, locked
+ * and records may be NULL. */
 struct collapse_mesh {
     uint64_t vertex_count, face_count;
     float *positions;
     uint32_t *faces;
-    float *errors;
+    float *witnesses; /* 3 a vertex: a point of the original nearby that the mesh has lost, by which
+                         errors are estimated; NULL: the vertices themselves */
     unsigned char *locked;
     unsigned char *records;
 };
@@ -72,7 +72,7 @@ bool collapse_exhausted(const struct collapse *collapse);
 enum status collapse_extract(struct collapse *collapse, struct mesh *mesh,
                              uint32_t **sources) MUST_CHECK;
 
-/* The same in compact form, with error estimates, for a mesh that goes on to another collapse;
+/* The same in compact form, with witnesses, for a mesh that goes on to another collapse;
  * `locked` stays NULL. Positions must have been float32 (or given away). */
 enum status collapse_extract_compact(struct collapse *collapse, struct collapse_mesh *mesh,
                                      uint32_t **sources) MUST_CHECK;

@@ -27,6 +27,8 @@ enum { RING_MAX = 96, RING_LANES = RING_MAX + 2 * LANES };
 
 enum vertex_flag { VERTEX_LOCKED = 1, VERTEX_BORDER = 2 };
 
+enum { VERTICES_MAX = (1 << 30) - 1 };
+
 struct collapse_corner {
     uint32_t end; /* where its edge leads */
     uint32_t
@@ -37,9 +39,10 @@ struct collapse_vertex {
     float position[3]; /* relative to origin, times scale */
     uint32_t corner;
     struct fan fan;
-    float error;     /* estimated largest distance to the original nearby, times scale */
-    uint32_t source; /* number in the input */
-    uint32_t flags;  /* enum vertex_flag */
+    uint16_t witness[3];  /* collapse_error.c: relative to the vertex, half floats, times unit */
+    uint16_t offset;      /* of the surface from the original here, likewise */
+    uint32_t source : 30; /* number in the input */
+    uint32_t flags : 2;   /* enum vertex_flag */
 };
 
 /* What a collapse may do to the shape of faces; a later one comes when nothing more is to be had
@@ -57,9 +60,9 @@ struct collapse {
     double origin[3];
     double scale; /* power of two that makes edges about 1 long, so that floats neither over- nor
                      underflow */
+    float unit;   /* power of two that makes the mean edge about 1, scaled or not */
     bool is_float32;
-    bool held_back; /* edges wait for a larger error bound */
-    double largest_error;
+    bool held_back;       /* edges wait for a larger error bound */
     double error_bound;   /* of the present run */
     double typical_error; /* mean error of the last sweep's collapses; 0 before */
     double error_sum;     /* of the present sweep's */
@@ -121,7 +124,7 @@ enum status topology_compact(struct collapse *collapse) MUST_CHECK;
 struct territory {
     uint32_t first, end;
     uint64_t most_taken, taken; /* faces that may be taken away, and were (one more is possible) */
-    double error_sum, largest_error;
+    double error_sum;
     uint64_t error_count;
     bool held_back;
 };
@@ -164,22 +167,48 @@ struct edge_change {
     const struct vertex_look *looks[2]; /* v's, w's */
     float to[2][3];                     /* relative to v, to w */
     float turned[2][3][RING_LANES]; /* normals of the faces at v, at w, afterwards; 0: face gone */
+    float heights[2][RING_LANES];   /* squared distance of the new vertex from the faces' planes */
 };
 
-/* Guards against faces that turn over or become slivers. When they allow it, *deviation is the
- * RMS distance of the new vertex from the planes of the faces (and the lines of the border) that
- * were there. The error that a collapse leaves is taken to be the larger one of both ends plus
- * this: measured on bunny, koala, fandisk and a noisy scan, 0.9 to 2 times the true maximum. (The
- * largest distance instead of the RMS: 2 to 9 times.) */
-bool edge_shape_allows(const struct collapse *collapse, struct edge_change *change,
-                       double *deviation);
-/* Distance of the new vertex from the faces that were there: at a sharp ridge or tip it can be far
- * from them and yet near to their planes. `enough`: smaller ones need not be exact. */
-double edge_overshoot(const struct edge_change *change, double enough);
+/* The two faces at the edge, by their place in the ring of one of its ends; UINT32_MAX: none. */
+static inline void edge_faces_gone(const struct edge_change *change, int end, uint32_t gone[2])
+{
+    const struct ring *ring = &change->looks[end]->ring;
+    const uint32_t place = change->place[end];
+    gone[0] = place < ring->faces ? place : UINT32_MAX;
+    gone[1] = place > 0 ? place - 1 : ring->faces == ring->count ? ring->count - 1 : UINT32_MAX;
+}
+
+/* Guards against faces that turn over or become slivers; fills in `turned` and `heights`. */
+bool edge_shape_allows(const struct collapse *collapse, struct edge_change *change);
 /* Brings the fans of the new vertex `kept` and of its neighbours up to date. */
 void edge_update_fans(struct collapse *collapse, const struct edge_change *change, uint32_t kept);
 /* Makes the fans of all vertices. */
 void fans_build(struct collapse *collapse);
+
+/* ---- collapse_error.c ---- */
+
+/* What a collapse leaves: distances. */
+struct edge_error {
+    double forward;   /* of the farther witness from the faces that there will be */
+    float offset;     /* of the new vertex from the original, in front of it */
+    double between;   /* of the new edges' middles from those that are there */
+    float witness[3]; /* relative to the new vertex */
+};
+
+/* `enough`: what is smaller of `between` need not be exact. */
+void edge_find_error(const struct collapse *collapse, const struct edge_change *change,
+                     double enough, struct edge_error *error);
+/* Whether witnesses of the vertices round the edge that are within `bound` stay so. */
+bool edge_keeps_witnesses(const struct collapse *collapse, const struct edge_change *change,
+                          double bound);
+float offset_get(const struct collapse *collapse, uint32_t v);
+void offset_set(struct collapse *collapse, uint32_t v, float offset);
+void witness_set(struct collapse *collapse, uint32_t v, const float offset[3]);
+void witness_get(const struct collapse *collapse, uint32_t v, float offset[3]);
+/* Distance of v's witness from the faces nearby, or the error that was noted there if larger. What
+ * is smaller than `enough` need not be exact. */
+double vertex_error(const struct collapse *collapse, uint32_t v, double enough);
 
 /* ---- collapse_sweep.c ---- */
 

@@ -15,7 +15,6 @@
 
 #include "base/lanes.h"
 #include "collapse_internal.h"
-#include "geom/distance.h"
 
 /* A face may turn by less than the angle with this cosine (about 78 degrees). */
 static const float FLIP_COSINE = 0.2f;
@@ -29,20 +28,6 @@ static const float TINY = 1e-30f; /* keeps quotients finite */
 
 /* ---- guards ---- */
 
-/* The two faces at an edge, by their index in the ring of one of its ends; UINT32_MAX: none. */
-static void faces_gone(const struct ring *ring, uint32_t place, uint32_t gone[2])
-{
-    gone[0] = place < ring->faces ? place : UINT32_MAX;
-    gone[1] = place > 0 ? place - 1 : ring->faces == ring->count ? ring->count - 1 : UINT32_MAX;
-}
-
-/* Sums over the planes of the faces that were there: how far the new vertex is from them, weighted
- * with their squared areas. */
-struct plane_sums {
-    float8 distance; /* (n . step)^2 */
-    float8 weight;   /* n . n */
-};
-
 LANES_INLINE struct vec3x8 lanes_all3(const float p[3])
 {
     return (struct vec3x8){lanes_all(p[0]), lanes_all(p[1]), lanes_all(p[2])};
@@ -54,15 +39,15 @@ LANES_INLINE struct vec3x8 load_from(const float from[3][RING_LANES], uint32_t i
 }
 
 /* The faces at one end, 8 at a time: their normals with the vertex at `to`, and whether all that
- * stay are sound. Those that go are counted in the sums of the first end only. */
+ * stay are sound. */
 LANES_INLINE bool turn_faces(enum guard guard, struct edge_change *change, int end,
-                             const float fan_normal[3], struct plane_sums *sums)
+                             const float fan_normal[3])
 {
     const struct vertex_look *look = change->looks[end];
     const struct vec3x8 to = lanes_all3(change->to[end]), up = lanes_all3(fan_normal);
     uint32_t gone[2];
-    faces_gone(&look->ring, change->place[end], gone);
-    const int32_t full = guard == GUARD_FULL ? -1 : 0, both = end == 0 ? -1 : 0;
+    edge_faces_gone(change, end, gone);
+    const int32_t full = guard == GUARD_FULL ? -1 : 0;
     int8x32 bad = {0};
     for (uint32_t first = 0; first < look->ring.count; first += LANES) {
         const int8x32 j = lanes_count_from(first);
@@ -92,93 +77,35 @@ LANES_INLINE bool turn_faces(enum guard guard, struct edge_change *change, int e
         lanes_store(change->turned[end][0] + first, lanes_where(stays, n.x));
         lanes_store(change->turned[end][1] + first, lanes_where(stays, n.y));
         lanes_store(change->turned[end][2] + first, lanes_where(stays, n.z));
-        sums->distance += lanes_where(stays | both, height * height);
-        sums->weight += lanes_where(stays | both, old_square);
+        lanes_store(change->heights[end] + first, height * height / (old_square + TINY));
     }
     return guard == GUARD_NONE || !lanes_any(bad);
 }
 
-LANES_INLINE bool turn_both(enum guard guard, struct edge_change *change, const float fan_normal[3],
-                            double *square)
+LANES_INLINE bool turn_both(enum guard guard, struct edge_change *change, const float fan_normal[3])
 {
-    struct plane_sums sums = {{0}, {0}};
-    if (!turn_faces(guard, change, 0, fan_normal, &sums) ||
-        !turn_faces(guard, change, 1, fan_normal, &sums))
-        return false;
-    const float weight = lanes_sum(sums.weight), distance = lanes_sum(sums.distance);
-    *square = weight > 0 ? (double)(distance / weight) : 0;
-    return true;
+    return turn_faces(guard, change, 0, fan_normal) && turn_faces(guard, change, 1, fan_normal);
 }
 
 static bool turn_both_scalar(enum guard guard, struct edge_change *change,
-                             const float fan_normal[3], double *square)
+                             const float fan_normal[3])
 {
-    return turn_both(guard, change, fan_normal, square);
+    return turn_both(guard, change, fan_normal);
 }
 
 LANES_AVX2 static bool turn_both_avx2(enum guard guard, struct edge_change *change,
-                                      const float fan_normal[3], double *square)
+                                      const float fan_normal[3])
 {
-    return turn_both(guard, change, fan_normal, square);
+    return turn_both(guard, change, fan_normal);
 }
 
-bool edge_shape_allows(const struct collapse *c, struct edge_change *change, double *deviation)
+bool edge_shape_allows(const struct collapse *c, struct edge_change *change)
 {
-    const uint32_t v = change->v, w = change->w;
     float normal[3];
-    double square;
     for (int k = 0; k < 3; k++)
-        normal[k] = c->vertices[v].fan.normal[k] + c->vertices[w].fan.normal[k];
-    if (c->level >= CPU_AVX2 ? !turn_both_avx2(c->guard, change, normal, &square)
-                             : !turn_both_scalar(c->guard, change, normal, &square))
-        return false;
-    if (c->vertices[v].flags & c->vertices[w].flags & VERTEX_BORDER) {
-        struct border_sum border;
-        const double to[3] = {(double)change->to[0][0], (double)change->to[0][1],
-                              (double)change->to[0][2]};
-        border_edges_sum(c, v, w, &border);
-        const double aside = border_sum_distance(&border, to);
-        square = aside > square ? aside : square;
-    }
-    *deviation = sqrt(square);
-    return true;
-}
-
-/* ---- how far the new vertex sticks out ---- */
-
-static struct vec3 neighbour_at(const struct vertex_look *look, uint32_t i)
-{
-    return (struct vec3){(double)look->at[0][i], (double)look->at[1][i], (double)look->at[2][i]};
-}
-
-/* Least squared distance of the new vertex from faces [first, end) at one end. */
-static double nearest_of(const struct edge_change *change, int end, uint32_t first, uint32_t last,
-                         double enough, double nearest)
-{
-    const float *to = change->to[end];
-    const struct vec3 point = {(double)to[0], (double)to[1], (double)to[2]};
-    const struct vertex_look *look = change->looks[end];
-    for (uint32_t j = first; j < last && nearest > enough; j++) {
-        const struct triangle face = {{0, 0, 0}, neighbour_at(look, j), neighbour_at(look, j + 1)};
-        const double square = triangle_distance_squared(point, &face, NULL);
-        nearest = square < nearest ? square : nearest;
-    }
-    return nearest;
-}
-
-double edge_overshoot(const struct edge_change *change, double enough)
-{
-    double nearest = INFINITY;
-    uint32_t gone[2];
-    enough *= enough;
-    /* the two that go first: it is they that the new vertex is commonly near to */
-    faces_gone(&change->looks[0]->ring, change->place[0], gone);
-    for (int k = 0; k < 2; k++)
-        if (gone[k] != UINT32_MAX)
-            nearest = nearest_of(change, 0, gone[k], gone[k] + 1, enough, nearest);
-    for (int end = 0; end < 2; end++)
-        nearest = nearest_of(change, end, 0, change->looks[end]->ring.faces, enough, nearest);
-    return nearest < INFINITY ? sqrt(nearest) : 0;
+        normal[k] = c->vertices[change->v].fan.normal[k] + c->vertices[change->w].fan.normal[k];
+    return c->level >= CPU_AVX2 ? turn_both_avx2(c->guard, change, normal)
+                                : turn_both_scalar(c->guard, change, normal);
 }
 
 /* ---- fans ---- */
@@ -211,7 +138,7 @@ LANES_INLINE void compare_fans(const struct edge_change *change, int end,
     const struct vertex_look *look = change->looks[end];
     const int32_t both = end == 0 ? -1 : 0;
     uint32_t gone[2];
-    faces_gone(&look->ring, change->place[end], gone);
+    edge_faces_gone(change, end, gone);
     for (uint32_t first = 0; first < look->ring.count; first += LANES) {
         const int8x32 j = lanes_count_from(first);
         const int8x32 counts = both | ((j != (int32_t)gone[0]) & (j != (int32_t)gone[1]));

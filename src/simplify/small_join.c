@@ -111,6 +111,13 @@ static void match_copies(struct joiner *join, struct small_mesh *mesh)
     }
 }
 
+static float square_apart(const float p[3], const float q[3])
+{
+    const float x = p[0] - q[0], y = p[1] - q[1], z = p[2] - q[2];
+    return x * x + y * y + z * z;
+}
+
+/* Witnesses of `to` that are still to come are no numbers. */
 static void copy_part(const struct joiner *join, uint32_t part, struct collapse_mesh *to,
                       size_t face_first)
 {
@@ -119,9 +126,12 @@ static void copy_part(const struct joiner *join, uint32_t part, struct collapse_
     const size_t stride = join->stride;
     for (size_t v = 0; v < from->vertex_count; v++) {
         const size_t n = numbers[v];
-        /* copies have the same position; of the errors the larger counts */
-        memcpy(to->positions + 3 * n, from->positions + 3 * v, 3 * sizeof(float));
-        to->errors[n] = from->errors[v] > to->errors[n] ? from->errors[v] : to->errors[n];
+        /* copies have the same position; of the witnesses the farther counts */
+        const float *position = from->positions + 3 * v, *witness = from->witnesses + 3 * v;
+        float *known = to->witnesses + 3 * n;
+        memcpy(to->positions + 3 * n, position, 3 * sizeof(float));
+        if (!(square_apart(known, position) >= square_apart(witness, position)))
+            memcpy(known, witness, 3 * sizeof(float));
         if (stride > 0)
             memcpy(to->records + n * stride, from->records + v * stride, stride);
     }
@@ -245,11 +255,11 @@ static enum status grow(struct context *ctx, uint32_t stride, struct collapse_me
     if (status != STATUS_OK)
         return status;
     /* each array must have the size that vertex_count says, whatever fails */
-    status = memory_resize(ctx, &m->errors, old, new, sizeof *m->errors);
+    status = memory_resize(ctx, &m->witnesses, old, new, 3 * sizeof *m->witnesses);
     if (status == STATUS_OK && stride > 0) {
         status = memory_resize(ctx, &m->records, old, new, stride);
         if (status != STATUS_OK)
-            memory_release(ctx, &m->errors, new, sizeof *m->errors);
+            memory_release(ctx, &m->witnesses, new, 3 * sizeof *m->witnesses);
     }
     if (status != STATUS_OK)
         memory_release(ctx, &m->positions, new, 3 * sizeof *m->positions);
@@ -290,7 +300,7 @@ enum status small_mesh_split(struct context *ctx, uint32_t stride, struct small_
             part_fans(mesh, &t, i, &next, tags, &count);
         for (size_t v = before; v < next; v++) {
             memcpy(m->positions + 3 * v, m->positions + 3 * from, 3 * sizeof *m->positions);
-            m->errors[v] = m->errors[from];
+            memcpy(m->witnesses + 3 * v, m->witnesses + 3 * from, 3 * sizeof *m->witnesses);
             if (stride > 0)
                 memcpy(m->records + v * stride, m->records + from * stride, stride);
         }
@@ -345,7 +355,9 @@ static enum status take_arrays(struct joiner *join, uint32_t vertices, uint64_t 
     if (status == STATUS_OK)
         status = memory_take(ctx, (size_t)faces, 3 * sizeof *to->faces, &to->faces);
     if (status == STATUS_OK)
-        status = memory_take_zeroed(ctx, vertices, sizeof *to->errors, &to->errors);
+        status = memory_take(ctx, vertices, 3 * sizeof *to->witnesses, &to->witnesses);
+    if (status == STATUS_OK)
+        memset(to->witnesses, 0xff, vertices * 3 * sizeof *to->witnesses);
     if (status == STATUS_OK && join->stride > 0)
         status = memory_take(ctx, vertices, join->stride, &to->records);
     if (status == STATUS_OK)

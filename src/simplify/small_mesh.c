@@ -22,6 +22,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "geom/distance.h"
 #include "simplify/chain_simplify.h"
 
 enum { OWNER_TAKEN = UINT32_MAX }; /* else the patch for which an edge is reserved */
@@ -60,8 +61,9 @@ struct builder {
     uint32_t patch;   /* the one that is being cut */
     uint32_t *copies; /* block vertices of which there is another one, numbered from vertex_count */
     uint32_t copy_count, copy_capacity;
-    uint32_t *faces; /* block vertices */
-    float *errors;   /* a block vertex */
+    uint32_t *faces;     /* block vertices */
+    float *errors;       /* a block vertex: the largest deviation of the patches at it, and */
+    uint32_t *witnesses; /* the inner vertex of that patch; NO_INDEX: none */
     uint32_t face_count, face_capacity;
 };
 
@@ -428,6 +430,35 @@ static bool own_diagonal_allowed(void *user, uint32_t i, uint32_t j)
     return entry && entry->owner == b->patch;
 }
 
+/* The patch's farthest inner vertex, when it matters, becomes a witness at the nearest of the faces
+ * from `first` on, which are the patch's. */
+static void note_witness(struct builder *b, const struct patch *patch, uint32_t first)
+{
+    if (patch->interior_count == 0 || !((double)patch->deviation > b->tolerance) ||
+        b->keep[patch->interior_first])
+        return;
+    const float *positions = b->block->positions;
+    const struct vec3 witness = vec3_load_float(positions + 3 * (size_t)patch->interior_first);
+    const uint32_t *nearest = NULL;
+    double least = INFINITY;
+    for (uint32_t f = first; f < b->face_count; f++) {
+        const uint32_t *face = b->faces + 3 * (size_t)f;
+        const struct triangle triangle = {vec3_load_float(positions + 3 * (size_t)face[0]),
+                                          vec3_load_float(positions + 3 * (size_t)face[1]),
+                                          vec3_load_float(positions + 3 * (size_t)face[2])};
+        const double square = triangle_distance_squared(witness, &triangle, NULL);
+        if (square < least) {
+            least = square;
+            nearest = face;
+        }
+    }
+    for (int k = 0; nearest && k < 3; k++)
+        if (patch->deviation > b->errors[nearest[k]]) {
+            b->errors[nearest[k]] = patch->deviation;
+            b->witnesses[nearest[k]] = patch->interior_first;
+        }
+}
+
 static enum status cut_patch(struct builder *b, uint32_t patch)
 {
     uint32_t n = 0;
@@ -444,8 +475,6 @@ static enum status cut_patch(struct builder *b, uint32_t patch)
         const float *p = b->block->positions + 3 * (size_t)b->loop[i];
         for (int k = 0; k < 3; k++)
             b->points[3 * (size_t)i + k] = (double)p[k];
-        float *error = &b->errors[b->loop[i]];
-        *error = record->deviation > *error ? record->deviation : *error;
     }
     const uint32_t spare = find_spare(b, patch);
     if (n == 3 && alone && spare != NO_INDEX)
@@ -496,7 +525,7 @@ static enum status finish(struct builder *b, uint32_t stride, struct small_mesh 
     if (status == STATUS_OK)
         status = memory_take(b->ctx, b->face_count, 3 * sizeof *to->faces, &to->faces);
     if (status == STATUS_OK)
-        status = memory_take(b->ctx, count, sizeof *to->errors, &to->errors);
+        status = memory_take(b->ctx, count, 3 * sizeof *to->witnesses, &to->witnesses);
     if (status == STATUS_OK)
         status = memory_take(b->ctx, seams, sizeof *mesh->seams, &mesh->seams);
     if (status == STATUS_OK && stride > 0)
@@ -512,7 +541,8 @@ static enum status finish(struct builder *b, uint32_t stride, struct small_mesh 
         if (number == NO_INDEX)
             continue;
         memcpy(to->positions + 3 * number, block->positions + 3 * (size_t)v, 3 * sizeof(float));
-        to->errors[number] = b->errors[v];
+        const size_t witness = b->witnesses[v] != NO_INDEX ? b->witnesses[v] : v;
+        memcpy(to->witnesses + 3 * number, block->positions + 3 * witness, 3 * sizeof(float));
         if (stride > 0)
             memcpy(to->records + number * stride, block->records + (size_t)v * stride, stride);
         if (on_seam(b, i))
@@ -594,6 +624,10 @@ static enum status take_arrays(struct builder *b)
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, vertices, sizeof *b->errors, &b->errors);
     if (status == STATUS_OK)
+        status = memory_take(ctx, vertices, sizeof *b->witnesses, &b->witnesses);
+    if (status == STATUS_OK)
+        memset(b->witnesses, 0xff, vertices * sizeof *b->witnesses);
+    if (status == STATUS_OK)
         status = memory_take(ctx, b->line_capacity, 3 * sizeof *b->line, &b->line);
     if (status == STATUS_OK)
         status = memory_take(ctx, b->line_capacity, sizeof *b->line_errors, &b->line_errors);
@@ -617,6 +651,7 @@ static void release_arrays(struct builder *b)
     memory_release(ctx, &b->loop, b->loop_capacity, sizeof *b->loop);
     memory_release(ctx, &b->line_errors, b->line_capacity, sizeof *b->line_errors);
     memory_release(ctx, &b->line, b->line_capacity, 3 * sizeof *b->line);
+    memory_release(ctx, &b->witnesses, vertices, sizeof *b->witnesses);
     memory_release(ctx, &b->errors, vertices, sizeof *b->errors);
     memory_release(ctx, &b->heads, b->heads_count, sizeof *b->heads);
     memory_release(ctx, &b->copies, b->copy_capacity, sizeof *b->copies);
@@ -640,8 +675,12 @@ enum status small_mesh_build(struct context *ctx, struct small_workspace *space,
     enum status status = take_arrays(&b);
     if (status == STATUS_OK)
         status = cut_chains(&b);
-    for (uint32_t patch = 0; patch < block->patch_count && status == STATUS_OK; patch++)
+    for (uint32_t patch = 0; patch < block->patch_count && status == STATUS_OK; patch++) {
+        const uint32_t first = b.face_count, copies = b.copy_count;
         status = cut_patch(&b, patch);
+        if (copies == b.copy_count)
+            note_witness(&b, &block->patches[patch], first);
+    }
     if (status == STATUS_OK)
         status = finish(&b, stride, mesh);
     if (status == STATUS_OK) {

@@ -21,8 +21,8 @@ struct seam_tag {
     uint32_t lowest, highest;
 };
 
-/* All arrays are owned; all zero is empty. Positions are relative to the store's origin; errors are
- * what the mesh lacks already. */
+/* All arrays are owned; all zero is empty. Positions are relative to the store's origin; witnesses
+ * are what the mesh lacks already. */
 struct small_mesh {
     struct collapse_mesh triangles;
     uint32_t seam_count;

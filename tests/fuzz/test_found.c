@@ -78,7 +78,7 @@ static void a_chain_file_whose_patches_do_not_join(void **state)
     shape_into_mesh(&ctx, &shape, &mesh);
     const struct collapse_options options = {.effort = 2, .source = "scan.chains"};
     assert_int_equal(collapse_begin(&ctx, &options, mesh.vertex_count, mesh.face_count,
-                                    mesh.positions, mesh.faces, NULL, NULL, NULL, NULL, &collapse),
+                                    mesh.positions, mesh.faces, NULL, NULL, NULL, &collapse),
                      STATUS_BAD_INPUT);
     assert_null(collapse);
     assert_non_null(strstr(ctx.error, "scan.chains: is damaged"));

@@ -166,7 +166,7 @@ static void collapse_random(void **state)
                 struct collapse *collapse;
                 assert_int_equal(collapse_begin(&ctx, &options, mesh.vertex_count, mesh.face_count,
                                                 mesh.positions, mesh.faces, NULL, NULL, locked,
-                                                NULL, &collapse),
+                                                &collapse),
                                  STATUS_OK);
                 for (int level = 0; level < 3; level++) {
                     assert_int_equal(collapse_run(collapse, wanted[level], INFINITY), STATUS_OK);
