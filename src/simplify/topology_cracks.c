@@ -12,8 +12,10 @@
 
 #include "base/memory.h"
 
-/* The circle is found to this fraction of its diameter. */
+/* The circle is found to this fraction of its diameter, or of the loop's extent: a loop without an
+ * inside is no end of squares along a line. */
 static const double circle_precision = 0.01;
+static const double extent_precision = 1e-3;
 
 struct search {
     struct surgery *surgery;
@@ -131,7 +133,7 @@ static enum status search_circle(struct search *search, const struct flat_point 
         low_y = fmin(low_y, outline[i].y);
         high_y = fmax(high_y, outline[i].y);
     }
-    double half = fmax(high_x - low_x, high_y - low_y) / 2, least = 1e-6 * half;
+    double half = fmax(high_x - low_x, high_y - low_y) / 2, least = extent_precision * half;
     search->cell_count = 0;
     enum status status =
         push_cell(search, outline, (low_x + high_x) / 2, (low_y + high_y) / 2, half);

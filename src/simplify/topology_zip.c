@@ -280,6 +280,17 @@ static bool are_joined(const struct zipper *zipper, uint32_t place, uint32_t ver
     return false;
 }
 
+static bool has_face(const struct zipper *zipper, uint32_t place, uint32_t a, uint32_t b)
+{
+    for (uint32_t c = zipper->first_corner[place]; c != NO_INDEX; c = zipper->next_corner[c]) {
+        uint32_t side = corner_vertex(zipper, next_of(c));
+        uint32_t other = corner_vertex(zipper, next_of(next_of(c)));
+        if ((side == a && other == b) || (side == b && other == a))
+            return true;
+    }
+    return false;
+}
+
 /* A vertex of more faces is no end of a crack that is worth the time. */
 enum { DEGREE_MAX = 1000 };
 
@@ -421,7 +432,10 @@ static enum status join_ends(struct zipper *zipper, uint32_t tip)
     /* In a loop of four both pairs of edges become one. */
     uint32_t far =
         loop_has(zipper, tip, 4) ? zipper->vertices[links[links[after].next].vertex] : tip_vertex;
-    if (!can_join(zipper, links[before].vertex, links[after].vertex, tip_vertex, far) ||
+    /* Two triangles that share an edge and are all there is would become the same. */
+    if ((has_face(zipper, links[before].vertex, tip_vertex, far) &&
+         has_face(zipper, links[after].vertex, tip_vertex, far)) ||
+        !can_join(zipper, links[before].vertex, links[after].vertex, tip_vertex, far) ||
         !choose_gone(zipper, links[before].vertex, links[after].vertex, &stays, &gone))
         return STATUS_OK;
     move_vertex(zipper, gone, stays);

@@ -149,6 +149,10 @@ static void operate(const uint8_t *data, const struct paths *paths)
     enum status status =
         topology_run(&ctx, paths->store, paths->chains, paths->output, &options, &report);
     topology_report_clear(&ctx, &report);
+    if (status == STATUS_BAD_INPUT && strstr(ctx.error, "nothing would be left")) {
+        context_clear(&ctx);
+        return;
+    }
     must(&ctx, status, "a store can be operated on");
     context_clear(&ctx);
     struct mesh mesh = load_manifold(paths->output, &ctx);

@@ -260,6 +260,42 @@ static void a_triangle_alone_is_closed(void **state)
     shape_free(&shape);
 }
 
+/* Two triangles folded onto each other must not become one twice. */
+static void a_folded_pair_is_closed(void **state)
+{
+    (void)state;
+    struct shape shape = {0};
+    uint32_t a = shape_vertex(&shape, 0, 0, 0), b = shape_vertex(&shape, 4, 0, 0);
+    uint32_t c = shape_vertex(&shape, 2, 3, 0), d = shape_vertex(&shape, 2, 3, 0);
+    shape_triangle(&shape, a, b, c);
+    shape_triangle(&shape, b, a, d);
+    struct topology_options options = closing(10);
+    struct operated out;
+    operate(&shape, &options, 0, &out);
+    expect_closed(&out, 2, 4);
+    operated_clear(&out);
+    shape_free(&shape);
+}
+
+/* No circle fits in a slit, however long it is; and the search for one ends. */
+static void slits_are_small_by_their_circle(void **state)
+{
+    (void)state;
+    uint64_t random = 3;
+    struct shape whole = shape_icosphere(3);
+    unsigned char *cut = random_trees(&whole, 10, &random);
+    struct shape shape = shape_cut(&whole, cut, 0, &random);
+    struct topology_options options = closing(0.05);
+    struct operated out;
+    options.crack_inscribed = true;
+    operate(&shape, &options, 0, &out);
+    expect_closed(&out, 2, whole.face_count);
+    operated_clear(&out);
+    shape_free(&shape);
+    shape_free(&whole);
+    free(cut);
+}
+
 /* Two openings of one tube that meet are not sewn together: that would be a handle. */
 static void no_handle_is_made(void **state)
 {
@@ -289,9 +325,14 @@ static void no_handle_is_made(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(cut_trees_close_again),      cmocka_unit_test(tolerance_nought_only_fills),
-        cmocka_unit_test(t_junctions_are_put_in),     cmocka_unit_test(a_seam_between_two_openings),
-        cmocka_unit_test(a_triangle_alone_is_closed), cmocka_unit_test(no_handle_is_made),
+        cmocka_unit_test(cut_trees_close_again),
+        cmocka_unit_test(tolerance_nought_only_fills),
+        cmocka_unit_test(t_junctions_are_put_in),
+        cmocka_unit_test(a_seam_between_two_openings),
+        cmocka_unit_test(a_triangle_alone_is_closed),
+        cmocka_unit_test(no_handle_is_made),
+        cmocka_unit_test(a_folded_pair_is_closed),
+        cmocka_unit_test(slits_are_small_by_their_circle),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
