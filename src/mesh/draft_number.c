@@ -416,7 +416,7 @@ static enum status end_slabs(struct draft *draft, const struct numbering *n)
 static enum status number_all(struct numbering *n)
 {
     struct draft *draft = n->draft;
-    bool is_done;
+    bool is_done = false;
     enum status status =
         room_scratch(&draft->room, &n->number_spool, n->id_count * 4, &n->number_of);
     if (status == STATUS_OK)

@@ -296,7 +296,7 @@ class Result:
 
 def run(words, folder, seconds, megabytes):
     """Runs the program; a Finding when it does not end within so many seconds of processor time, or, if
-    it waits for something, within six times as many on the clock."""
+    it waits for something, within twenty times as many on the clock."""
     environment = {k: v for k, v in os.environ.items() if k not in ("TMPDIR", "LANGUAGE")}
     environment.setdefault("ASAN_OPTIONS", "detect_leaks=1:allocator_may_return_null=1")
     environment.setdefault("UBSAN_OPTIONS", "halt_on_error=1:print_stacktrace=1")
@@ -309,7 +309,7 @@ def run(words, folder, seconds, megabytes):
         process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=err,
                                    cwd=folder, env=environment, preexec_fn=limit)
         late = threading.Event()
-        timer = threading.Timer(6 * seconds, lambda: (late.set(), process.kill()))
+        timer = threading.Timer(20 * seconds, lambda: (late.set(), process.kill()))
         timer.start()
         _, status, usage = os.wait4(process.pid, 0)
         timer.cancel()
