@@ -173,9 +173,9 @@ class Bench:
     def joins(self, result):
         joins = (result["report"] or {}).get("joins")
         if joins:
-            self.notes.append("Joins of the tree of blocks at the largest size (faces in, faces left): " +
-                              "; ".join("%d to %d" % (join["faces_in"], join["faces_out"])
-                                        for join in joins) + ".")
+            self.notes.append("Joins of the tree of blocks at the largest size: " + "; ".join(
+                "%(joins)d joins of %(faces_in)d faces, the largest %(largest_in)d, thinned to "
+                "%(faces_out)d" % join for join in joins) + ".")
 
     # ---- the record ----
 

@@ -8,6 +8,8 @@
 
 #include "api_internal.h"
 
+_Static_assert((int)SPBM_JOINS_MAX == (int)JOIN_STAGES_MAX, "stages of joining");
+
 static double diagonal_of(const double low[3], const double high[3])
 {
     double x = high[0] - low[0], y = high[1] - low[1], z = high[2] - low[2];
@@ -136,6 +138,12 @@ void copy_levels(spbm_levels *to, const struct lod_report *from, const struct ch
         };
     }
     to->small_faces = from->small_faces;
+    to->join_count = from->join_count;
+    for (uint32_t i = 0; i < from->join_count; i++)
+        to->joins[i] = (spbm_join){.joins = from->joins[i].joins,
+                                   .faces_in = from->joins[i].faces_in,
+                                   .largest_in = from->joins[i].largest_in,
+                                   .faces_out = from->joins[i].faces_out};
     to->diagonal = diagonal_of(chains->box_low, chains->box_high);
     to->floor = chains->topology.floor;
     to->original_faces = chains->topology.faces;

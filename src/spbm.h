@@ -285,10 +285,21 @@ typedef struct spbm_level {
     spbm_stop stop; /* why it has as many faces as it has */
 } spbm_level;
 
+/* One stage of joining the blocks' small meshes (mode collapse): 8 at a time, up to one. */
+typedef struct spbm_join {
+    uint32_t joins;                /* meshes that came out */
+    uint64_t faces_in, largest_in; /* that were joined: of all, and of the largest join */
+    uint64_t faces_out;            /* left of all when they were thinned (the last one is not) */
+} spbm_join;
+
+enum { SPBM_JOINS_MAX = 8 };
+
 typedef struct spbm_levels {
     uint32_t count;
     spbm_level levels[SPBM_TARGETS_MAX]; /* finest first */
     uint64_t small_faces;                /* of the mesh that the chains gave (mode collapse) */
+    uint32_t join_count;
+    spbm_join joins[SPBM_JOINS_MAX];
     double diagonal;                     /* of the original's bounding box */
     uint64_t floor;                      /* the fewest faces that the topology allows */
     uint64_t original_faces;             /* of the mesh store */

@@ -240,6 +240,16 @@ void report_levels(struct report *report, const spbm_levels *levels, const char 
     set_count(report->root, "floor", levels->floor);
     set_real(report->root, "diagonal", levels->diagonal);
     set_count(report->root, "small_faces", levels->small_faces);
+    json_t *joins = json_array();
+    for (uint32_t i = 0; i < levels->join_count && i < SPBM_JOINS_MAX; i++) {
+        json_t *join = json_object();
+        set_count(join, "joins", levels->joins[i].joins);
+        set_count(join, "faces_in", levels->joins[i].faces_in);
+        set_count(join, "largest_in", levels->joins[i].largest_in);
+        set_count(join, "faces_out", levels->joins[i].faces_out);
+        (void)json_array_append_new(joins, join);
+    }
+    set_json(report->root, "joins", joins);
 }
 
 /* ---- topology ---- */

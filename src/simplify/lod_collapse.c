@@ -196,6 +196,26 @@ static enum status make_leaves(struct lod *lod)
     }
 }
 
+static uint64_t count_faces(const struct lod *lod, uint64_t *largest)
+{
+    uint64_t sum = 0;
+    for (uint32_t i = 0; i < lod->node_count; i++) {
+        const uint64_t faces = lod->nodes[i].triangles.face_count;
+        sum += faces;
+        *largest = faces > *largest ? faces : *largest;
+    }
+    return sum;
+}
+
+/* The stages of a tree over 2^14 slabs are five. */
+static struct join_stage *next_stage(struct lod *lod)
+{
+    struct lod_report *report = lod->report;
+    if (report->join_count < JOIN_STAGES_MAX)
+        report->join_count++;
+    return &report->joins[report->join_count - 1];
+}
+
 /* Joins all nodes into one, stage by stage. */
 static enum status join_nodes(struct lod *lod)
 {
@@ -211,9 +231,14 @@ static enum status join_nodes(struct lod *lod)
         }
         lod->node_count = parents;
         lod->span *= JOIN_WIDTH;
+        struct join_stage *stage = next_stage(lod);
+        uint64_t largest_out = 0;
+        *stage = (struct join_stage){.joins = parents};
+        stage->faces_in = count_faces(lod, &stage->largest_in);
         status = parallel_for(lod->ctx, parents, thin_parent, lod);
         if (status != STATUS_OK)
             return status;
+        stage->faces_out = count_faces(lod, &largest_out);
     }
     return STATUS_OK;
 }

@@ -77,10 +77,21 @@ struct lod_options {
     struct export_options export;
 };
 
+/* One stage of joining the blocks' small meshes, mode collapse. */
+struct join_stage {
+    uint32_t joins;                /* small meshes that came out */
+    uint64_t faces_in, largest_in; /* that were joined: of all, and of the largest join */
+    uint64_t faces_out;            /* left of all when they were thinned (the root is not) */
+};
+
+enum { JOIN_STAGES_MAX = 8 };
+
 struct lod_report {
     uint32_t level_count;
     struct level levels[TARGETS_MAX]; /* finest first */
     uint64_t small_faces;             /* faces of the mesh that the chains gave, mode collapse */
+    uint32_t join_count;              /* of joins; 0 with one block */
+    struct join_stage joins[JOIN_STAGES_MAX];
 };
 
 /*
