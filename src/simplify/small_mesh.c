@@ -188,12 +188,14 @@ static struct edge_entry *find_edge(const struct builder *b, uint32_t u, uint32_
 static enum status add_edge(struct builder *b, uint32_t u, uint32_t v, uint32_t owner,
                             uint32_t chain)
 {
-    size_t capacity = b->entry_capacity;
-    enum status status = memory_reserve(b->ctx, &b->entries, &capacity, (size_t)b->entry_count + 1,
-                                        sizeof *b->entries);
-    if (status != STATUS_OK)
-        return status;
-    b->entry_capacity = (uint32_t)capacity;
+    if (b->entry_count == b->entry_capacity) {
+        size_t capacity = b->entry_capacity;
+        enum status status = memory_reserve(b->ctx, &b->entries, &capacity,
+                                            (size_t)b->entry_count + 1, sizeof *b->entries);
+        if (status != STATUS_OK)
+            return status;
+        b->entry_capacity = (uint32_t)capacity;
+    }
     const uint32_t low = u < v ? u : v, high = u < v ? v : u;
     b->entries[b->entry_count] = (struct edge_entry){high, b->heads[low], owner, chain};
     b->heads[low] = b->entry_count++;
@@ -340,12 +342,14 @@ static bool diagonal_allowed(void *user, uint32_t i, uint32_t j)
 
 static enum status add_face(struct builder *b, uint32_t u, uint32_t v, uint32_t w)
 {
-    size_t capacity = b->face_capacity;
-    enum status status = memory_reserve(b->ctx, &b->faces, &capacity, (size_t)b->face_count + 1,
-                                        3 * sizeof *b->faces);
-    if (status != STATUS_OK)
-        return status;
-    b->face_capacity = (uint32_t)capacity;
+    if (b->face_count == b->face_capacity) {
+        size_t capacity = b->face_capacity;
+        enum status status = memory_reserve(b->ctx, &b->faces, &capacity, (size_t)b->face_count + 1,
+                                            3 * sizeof *b->faces);
+        if (status != STATUS_OK)
+            return status;
+        b->face_capacity = (uint32_t)capacity;
+    }
     uint32_t *face = b->faces + 3 * (size_t)b->face_count++;
     face[0] = u;
     face[1] = v;
@@ -471,20 +475,24 @@ static enum status cut_patch(struct builder *b, uint32_t patch)
     const double normal[3] = {(double)record->normal[0], (double)record->normal[1],
                               (double)record->normal[2]};
     b->patch = patch;
+    if (n == 3) {
+        /* it must not be the same triangle as the patch beyond */
+        const uint32_t centre = alone ? find_spare(b, patch) : NO_INDEX;
+        return centre != NO_INDEX ? cut_fan(b, n, centre)
+                                  : add_face(b, b->loop[0], b->loop[1], b->loop[2]);
+    }
     for (uint32_t i = 0; i < n; i++) {
         const float *p = b->block->positions + 3 * (size_t)b->loop[i];
         for (int k = 0; k < 3; k++)
             b->points[3 * (size_t)i + k] = (double)p[k];
     }
-    const uint32_t spare = find_spare(b, patch);
-    if (n == 3 && alone && spare != NO_INDEX)
-        return cut_fan(b, n, spare); /* it must not be the same triangle as the patch beyond */
     status = triangulate(b->ctx, &b->space->triangulation, b->points, n, normal, diagonal_allowed,
                          b, b->triangles, &quality);
     if (status != STATUS_OK)
         return status;
     if (quality != TRIANGULATION_BLOCKED)
         return take_triangles(b, n, b->triangles);
+    const uint32_t spare = find_spare(b, patch);
     if (spare != NO_INDEX)
         return cut_fan(b, n, spare);
     status = triangulate(b->ctx, &b->space->triangulation, b->points, n, normal,
