@@ -289,6 +289,7 @@ def main():
             bench.line_5()
         if 1 in options.only or 2 in options.only:
             bench.lines_1_and_2()
+    finally:  # what was measured is kept also when the rest was too long
         if options.output:
             with open(options.output, "w", encoding="utf-8") as file:
                 bench.record(file)
@@ -296,7 +297,6 @@ def main():
             bench.record(sys.stdout)
         if options.plot:
             bench.plot(options.plot)
-    finally:
         if not keeps:
             shutil.rmtree(options.work, ignore_errors=True)
     sys.exit(0 if all(holds for _, _, holds in bench.checks) else 1)
