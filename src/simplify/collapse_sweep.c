@@ -20,10 +20,10 @@ static const struct pace {
     float wait;  /* a vertex just moved is looked at again at so many times the threshold: its edges
                     are seldom cheaper */
 } PACES[] = {{0.7, 3}, {0.4, 3}, {0.3, 2}};
-/* An edge waits when its error would be more than so many times the present typical one, which the
- * first few collapses tell at first. */
+/* An edge waits when its error would be more than so many times the last sweep's typical one. (Not
+ * the present sweep's so far: on parts the first thousands of collapses cost nothing, and all that
+ * have a price would wait.) */
 static const double ASTRAY = 2.5;
-enum { TYPICAL_LEAST = 16 };
 
 /* ---- keys ---- */
 
@@ -185,15 +185,6 @@ static void renew_keys(struct collapse *c, const struct edge_change *change, uin
     c->keys[kept] = guess;
 }
 
-/* Mean error of the collapses of the last sweep, or of those of the first one so far; 0 before. */
-static double typical_error(const struct collapse *c, const struct territory *t)
-{
-    const uint64_t count = c->error_count + t->error_count;
-    if (c->typical_error > 0 || count < TYPICAL_LEAST)
-        return c->typical_error;
-    return (c->error_sum + t->error_sum) / (double)count;
-}
-
 /*
  * What a cost is multiplied by because of its error. Volumes say little about thin tips, borders
  * and bridges, so that a memoryless cost lets single places go far astray: where the error would be
@@ -256,7 +247,7 @@ static enum trial try_edge(struct collapse *c, struct territory *t, uint32_t v,
     prepare_change(c, v, edges, i, &other, &change);
     if (!edge_shape_allows(c, &change))
         return TRIAL_DEAR;
-    const double typical = typical_error(c, t);
+    const double typical = c->typical_error;
     edge_find_error(c, &change, fmin(typical, c->error_bound), &found);
     const double offset = fabs((double)found.offset);
     const double error = fmax(found.forward, fmax(offset, found.between));
