@@ -24,6 +24,7 @@ static const struct pace {
  * the present sweep's so far: on parts the first thousands of collapses cost nothing, and all that
  * have a price would wait.) */
 static const double ASTRAY = 2.5;
+static const double ERROR_LEAST = 1e-3; /* mean edges */
 
 /* ---- keys ---- */
 
@@ -196,8 +197,9 @@ static double error_price(double error, double usual)
 {
     if (!(usual > 0) || error <= usual)
         return 1;
-    const double times = error / usual * (error / usual);
-    return 1e6 * times * times;
+    /* bounded, so that where all have waited the costs still tell the order */
+    const double times = fmin(error / usual, 32);
+    return 1e6 * times * times * times * times;
 }
 
 /* Where edge i of v leads, its vertex rounded to what can be stored. */
@@ -247,7 +249,9 @@ static enum trial try_edge(struct collapse *c, struct territory *t, uint32_t v,
     prepare_change(c, v, edges, i, &other, &change);
     if (!edge_shape_allows(c, &change))
         return TRIAL_DEAR;
-    const double typical = c->typical_error;
+    /* rounding on flat faces is no error to go by */
+    const double typical =
+        c->typical_error > 0 ? fmax(c->typical_error, ERROR_LEAST / (double)c->unit) : 0;
     edge_find_error(c, &change, fmin(typical, c->error_bound), &found);
     const double offset = fabs((double)found.offset);
     const double error = fmax(found.forward, fmax(offset, found.between));
