@@ -123,7 +123,8 @@ static const char *judge_info(const struct store_info *info)
         return "the counts of vertices and faces are impossible";
     if (info->slab_count != slabs_of(t->faces, info->slab_shift))
         return "the number of slabs does not fit the number of faces";
-    if (t->border_edges > 3 * t->faces || 2 * t->edges != 3 * t->faces + t->border_edges ||
+    if (t->border_edges > 3 * t->faces || t->edges > 3 * t->faces ||
+        2 * t->edges != 3 * t->faces + t->border_edges ||
         t->euler != (int64_t)t->vertices - (int64_t)t->edges + (int64_t)t->faces ||
         t->components < 1 || t->components > t->faces || t->border_loops > t->border_edges)
         return "the topology contradicts itself";

@@ -222,6 +222,7 @@ static void each_field_is_believed_only_when_it_fits(void **state)
     lie(&good, info, 8, 4, 4, "flags");
     lie(&good, info, 24, 8, 31, "topology contradicts");
     lie(&good, info, 24, 8, UINT64_MAX, "impossible");
+    lie(&good, info, 32, 8, 69 + (UINT64_C(1) << 63), "topology contradicts"); /* twice it is 138 */
     lie(&good, info, 40, 8, 0, "impossible");
     lie(&good, info, 40, 8, UINT64_MAX, "impossible");
     lie(&good, info, 48, 8, 20, "topology contradicts");
