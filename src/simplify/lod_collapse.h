@@ -11,7 +11,7 @@
  * from one sequence of collapses; fills in what each level has become, and small_faces.
  *
  * Memory: 60 bytes a face of the mesh that is being collapsed (a slab's in each thread, then
- * the joined one), 34 a face of those that wait for being joined; attribute records add half their
+ * the joined one), 38 a face of those that wait for being joined; attribute records add half their
  * bytes a face.
  */
 enum status lod_collapse(struct context *ctx, struct chain_file *file,
