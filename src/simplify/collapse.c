@@ -21,7 +21,7 @@
 
 static const double BORDER_WEIGHT = 1;
 /* The part of an error bound that one collapse may use: where everything is driven up to a bound,
- * the witnesses see about half of the largest distance. */
+ * the witnesses see about half of the largest distance; the estimate says the whole then. */
 static const double BOUND_PART = 0.5;
 
 /* ---- beginning and end ---- */
@@ -271,6 +271,8 @@ double collapse_error(const struct collapse *c)
     for (uint32_t v = 0; v < c->vertex_slots; v++)
         if (c->vertices[v].corner != NO_INDEX)
             largest = fmax(largest, vertex_error(c, v, largest));
+    if (c->held_back)
+        largest = fmax(largest, fmin(largest, c->error_bound) / BOUND_PART);
     return largest / c->scale;
 }
 
