@@ -33,8 +33,10 @@ enum { EXCERPTS = 4, EXCERPT_FACES = 1 << 13 };
  * Smooth scans need more of them: where noise breaks patches up, the small ones do no harm, and the
  * large ones are few. */
 static const double patches_a_face[4] = {0, 2.5, 8, 22};
-static const double patches_a_smooth_face[4] = {0, 4, 14, 40};
+static const double patches_a_smooth_face[4] = {0, 6, 14, 40};
 static const double smooth_below = 0.045; /* noise, mean edges */
+/* So few patches cost nothing, and a level of a few hundred faces is better for them. */
+static const double patches_least[4] = {0, 4096, 8192, 8192};
 /* A small mesh of nearly all faces is hardly better: this part of the faces is enough patches, or
  * so many a face of the level. */
 static const double most_part = 0.6;
@@ -293,10 +295,12 @@ static bool are_fine_enough(const struct store_info *info, const struct target *
 {
     const double *by_effort = info->noise < smooth_below ? patches_a_smooth_face : patches_a_face;
     const double wanted =
-        target->mode == MODE_CLASSIC ? classic_patches_a_face : by_effort[target->effort];
+        target->mode == MODE_CLASSIC
+            ? classic_patches_a_face * finest->faces
+            : fmax(by_effort[target->effort] * finest->faces, patches_least[target->effort]);
     const double part = most_part * (double)info->topology.faces;
     const double most = most_a_face * finest->faces > part ? most_a_face * finest->faces : part;
-    if (finest->faces > 0 && patches < wanted * finest->faces && patches < most)
+    if (finest->faces > 0 && patches < wanted && patches < most)
         return false;
     if (finest->error <= 0 || patches <= 0)
         return true;
