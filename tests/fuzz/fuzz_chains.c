@@ -19,9 +19,7 @@ static bool check_and_read(const char *path)
     struct context ctx;
     target_context(&ctx);
     enum status checked = chain_file_check(&ctx, path);
-    require_fair_end(&ctx, checked);
-    require(ctx.memory_now == 0, "all memory is given back");
-    context_clear(&ctx);
+    target_end(&ctx, checked);
 
     target_context(&ctx);
     struct chain_file *file = NULL;
@@ -34,10 +32,8 @@ static bool check_and_read(const char *path)
             chain_block_clear(&ctx, chain_file_info(file)->attributes.stride, &block);
     }
     chain_file_close(&file);
-    require_fair_end(&ctx, status);
     require(checked != STATUS_OK || status == STATUS_OK, "what passes the check can be read");
-    require(ctx.memory_now == 0, "all memory is given back");
-    context_clear(&ctx);
+    target_end(&ctx, status);
     return checked == STATUS_OK;
 }
 
@@ -52,23 +48,14 @@ static void make_level(const char *path, bool must_work, const struct target *ta
                                   .export = {.format = EXPORT_PLY}};
     struct lod_report report;
     enum status status = lod_build(&ctx, path, &options, &report);
-    require_fair_end(&ctx, status);
     if (must_work && status == STATUS_BAD_INPUT)
         fprintf(stderr, "%s\n", ctx.error);
     require(!must_work || status == STATUS_OK || status == STATUS_TARGET_MISSED,
             "a sound chain file gives its levels");
-    require(ctx.memory_now == 0, "all memory is given back");
-    context_clear(&ctx);
+    target_end(&ctx, status);
     bool is_there = status == STATUS_OK || status == STATUS_TARGET_MISSED;
-    if (is_there) {
-        struct mesh mesh;
-        target_context(&ctx);
-        require(mesh_load(&ctx, target_path("level.ply"), &mesh) == STATUS_OK,
-                "a level can be read");
-        require_manifold(&mesh);
-        mesh_clear(&ctx, &mesh);
-        context_clear(&ctx);
-    }
+    if (is_there)
+        require_manifold_file(target_path("level.ply"));
     target_clear(is_there ? "level.ply" : NULL);
 }
 

@@ -84,9 +84,7 @@ static enum status watch_reader(const char *path)
     if (status == STATUS_OK)
         status = TARGET_READER(&ctx, stream, &sink);
     instream_close(&stream);
-    require_fair_end(&ctx, status);
-    require(ctx.memory_now == 0, "all memory is given back");
-    context_clear(&ctx);
+    target_end(&ctx, status);
     return status;
 }
 
@@ -98,22 +96,9 @@ static void import_and_check(const char *path, bool weld)
     target_context(&ctx);
     struct import_options options = {.weld = weld, .slab_shift = 4};
     enum status status = store_build(&ctx, &path, 1, target_path("store"), &options, NULL);
-    require_fair_end(&ctx, status);
-    require(ctx.memory_now == 0, "all memory is given back");
-    context_clear(&ctx);
-    if (status == STATUS_OK) {
-        struct store *store = NULL;
-        struct mesh mesh = {.vertex_count = 0};
-        target_context(&ctx);
-        require(store_check(&ctx, target_path("store")) == STATUS_OK, "the store passes its check");
-        require(store_open(&ctx, target_path("store"), true, &store) == STATUS_OK &&
-                    store_load(store, &mesh) == STATUS_OK,
-                "the store can be read");
-        require_manifold(&mesh);
-        mesh_clear(&ctx, &mesh);
-        store_close(&store);
-        context_clear(&ctx);
-    }
+    target_end(&ctx, status);
+    if (status == STATUS_OK)
+        require_manifold_store(target_path("store"));
     target_clear(status == STATUS_OK ? "store" : NULL);
 }
 

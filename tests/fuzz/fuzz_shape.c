@@ -16,7 +16,6 @@
 #include "mesh/import.h"
 #include "simplify/simplify.h"
 #include "simplify/topology.h"
-#include "test_facts.h"
 #include "test_shapes.h"
 
 const bool target_keeps_length = false;
@@ -51,15 +50,6 @@ static void use_path(char path[128], const char *name)
     snprintf(path, 128, "%s", target_path(name));
 }
 
-static struct mesh load_manifold(const char *path, struct context *ctx)
-{
-    struct mesh mesh;
-    target_context(ctx);
-    require(mesh_load(ctx, path, &mesh) == STATUS_OK, "an output can be read");
-    require_manifold(&mesh);
-    return mesh;
-}
-
 static bool import_it(const char *input, struct paths *paths, unsigned slab_shift,
                       struct facts *facts)
 {
@@ -67,23 +57,10 @@ static bool import_it(const char *input, struct paths *paths, unsigned slab_shif
     target_context(&ctx);
     struct import_options options = {.slab_shift = slab_shift};
     enum status status = store_build(&ctx, &input, 1, paths->store, &options, NULL);
-    require_fair_end(&ctx, status);
-    require(ctx.memory_now == 0, "all memory is given back");
-    context_clear(&ctx);
+    target_end(&ctx, status);
     if (status != STATUS_OK)
         return false;
-    struct store *store = NULL;
-    struct mesh mesh = {.vertex_count = 0};
-    target_context(&ctx);
-    require(store_check(&ctx, paths->store) == STATUS_OK, "the store passes its check");
-    require(store_open(&ctx, paths->store, true, &store) == STATUS_OK &&
-                store_load(store, &mesh) == STATUS_OK,
-            "the store can be read");
-    require_manifold(&mesh);
-    *facts = facts_of(&mesh);
-    mesh_clear(&ctx, &mesh);
-    store_close(&store);
-    context_clear(&ctx);
+    *facts = require_manifold_store(paths->store);
     return true;
 }
 
@@ -120,13 +97,10 @@ static void simplify_it(const uint8_t *data, const struct paths *paths, const st
     struct lod_report report;
     must(&ctx, lod_build(&ctx, paths->chains, &options, &report), "chains give their levels");
     context_clear(&ctx);
-    struct mesh mesh = load_manifold(paths->output, &ctx);
-    struct facts found = facts_of(&mesh);
+    struct facts found = require_manifold_file(paths->output);
     require(facts_same_topology(&found, facts), "a level has the topology of the store");
     require(found.faces <= facts->faces && found.faces == report.levels[0].faces,
             "a level has as many faces as was said, and not more than the store");
-    mesh_clear(&ctx, &mesh);
-    context_clear(&ctx);
 }
 
 static void operate(const uint8_t *data, const struct paths *paths)
@@ -155,9 +129,7 @@ static void operate(const uint8_t *data, const struct paths *paths)
     }
     must(&ctx, status, "a store can be operated on");
     context_clear(&ctx);
-    struct mesh mesh = load_manifold(paths->output, &ctx);
-    mesh_clear(&ctx, &mesh);
-    context_clear(&ctx);
+    require_manifold_file(paths->output);
 }
 
 static void measure_it(const char *input, const char *output)
@@ -175,8 +147,7 @@ static void measure_it(const char *input, const char *output)
         measurement_clear(&ctx, &result);
         mesh_clear(&ctx, &mesh);
     }
-    require(ctx.memory_now == 0, "all memory is given back");
-    context_clear(&ctx);
+    target_end(&ctx, STATUS_OK);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)

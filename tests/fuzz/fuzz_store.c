@@ -38,9 +38,7 @@ static void read_slabs(const char *path)
     }
     require(status != STATUS_OK || sum == sum || slabs == 0, "positions are numbers");
     store_close(&store);
-    require_fair_end(&ctx, status);
-    require(ctx.memory_now == 0, "all memory is given back");
-    context_clear(&ctx);
+    target_end(&ctx, status);
 }
 
 static bool is_sound(const char *path)
@@ -48,22 +46,10 @@ static bool is_sound(const char *path)
     struct context ctx;
     target_context(&ctx);
     enum status status = store_check(&ctx, path);
-    require_fair_end(&ctx, status);
-    require(ctx.memory_now == 0, "all memory is given back");
-    context_clear(&ctx);
-    if (status != STATUS_OK)
-        return false;
-    struct store *store = NULL;
-    struct mesh mesh = {.vertex_count = 0};
-    target_context(&ctx);
-    require(store_open(&ctx, path, true, &store) == STATUS_OK &&
-                store_load(store, &mesh) == STATUS_OK,
-            "what passes the check can be read");
-    require_manifold(&mesh);
-    mesh_clear(&ctx, &mesh);
-    store_close(&store);
-    context_clear(&ctx);
-    return true;
+    target_end(&ctx, status);
+    if (status == STATUS_OK)
+        require_manifold_store(path);
+    return status == STATUS_OK;
 }
 
 /* What lies in one slab is manifold or refused, forged or not. */
@@ -78,18 +64,9 @@ static void export_it(const char *path)
     if (status == STATUS_OK)
         status = store_export(store, target_path("out.ply"), &options);
     store_close(&store);
-    require_fair_end(&ctx, status);
-    require(ctx.memory_now == 0, "all memory is given back");
-    context_clear(&ctx);
-    if (status == STATUS_OK && is_one_slab) {
-        struct mesh mesh;
-        target_context(&ctx);
-        require(mesh_load(&ctx, target_path("out.ply"), &mesh) == STATUS_OK,
-                "what is exported can be read");
-        require_manifold(&mesh);
-        mesh_clear(&ctx, &mesh);
-        context_clear(&ctx);
-    }
+    target_end(&ctx, status);
+    if (status == STATUS_OK && is_one_slab)
+        require_manifold_file(target_path("out.ply"));
     target_clear(status == STATUS_OK ? "out.ply" : NULL);
 }
 

@@ -13,7 +13,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "test_facts.h"
+#include "mesh/import.h"
+#include "mesh/store.h"
 #include "test_shapes.h"
 
 void require(bool condition, const char *what)
@@ -108,12 +109,50 @@ void require_fair_end(const struct context *ctx, enum status status)
     require(ctx->error[0] && !strchr(ctx->error, '\n'), "a failure has one line of words");
 }
 
-void require_manifold(const struct mesh *mesh)
+void target_end(struct context *ctx, enum status status)
+{
+    require_fair_end(ctx, status);
+    require(ctx->memory_now == 0, "all memory is given back");
+    context_clear(ctx);
+}
+
+/* M1 to M4, finite coordinates, no unused vertices. */
+static struct facts require_manifold(const struct mesh *mesh)
 {
     for (uint64_t i = 0; i < 3 * mesh->vertex_count; i++)
         require(isfinite(mesh->positions[i]), "coordinates are finite");
     struct facts facts = facts_of(mesh);
     require(facts_manifold(&facts) && facts.unused == 0, "the mesh is manifold");
+    return facts;
+}
+
+struct facts require_manifold_store(const char *path)
+{
+    struct context ctx;
+    struct store *store = NULL;
+    struct mesh mesh = {.vertex_count = 0};
+    target_context(&ctx);
+    require(store_check(&ctx, path) == STATUS_OK, "the store passes its check");
+    require(store_open(&ctx, path, true, &store) == STATUS_OK &&
+                store_load(store, &mesh) == STATUS_OK,
+            "the store can be read");
+    struct facts facts = require_manifold(&mesh);
+    mesh_clear(&ctx, &mesh);
+    store_close(&store);
+    target_end(&ctx, STATUS_OK);
+    return facts;
+}
+
+struct facts require_manifold_file(const char *path)
+{
+    struct context ctx;
+    struct mesh mesh;
+    target_context(&ctx);
+    require(mesh_load(&ctx, path, &mesh) == STATUS_OK, "an output can be read");
+    struct facts facts = require_manifold(&mesh);
+    mesh_clear(&ctx, &mesh);
+    target_end(&ctx, STATUS_OK);
+    return facts;
 }
 
 /* ---- shapes ---- */

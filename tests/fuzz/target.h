@@ -14,6 +14,7 @@
 #include <stdint.h>
 
 #include "mesh/mesh.h"
+#include "test_facts.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
@@ -50,8 +51,12 @@ void target_context(struct context *ctx);
 /* What any call may end in on damaged input: done, target missed, or bad input with one line of
  * words. */
 void require_fair_end(const struct context *ctx, enum status status);
-/* M1 to M4, finite coordinates, no unused vertices. */
-void require_manifold(const struct mesh *mesh);
+/* The end of a run on such input: fair, with all memory given back. Frees the context. */
+void target_end(struct context *ctx, enum status status);
+/* The store passes its check and can be read; the file can be read; and either is a manifold (M1 to
+ * M4) of finite coordinates without unused vertices. Their facts. */
+struct facts require_manifold_store(const char *path);
+struct facts require_manifold_file(const char *path);
 
 /* Small surfaces of every kind: closed, with border, of genus 1, several, not orientable, folded.
  * NULL-less; `count` of them. */
