@@ -13,13 +13,10 @@ scripts/peers.sh installs the peers and builds their drivers (bench/peers).
 import argparse
 import json
 import os
-import platform
-import subprocess
 import sys
-import time
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-DATA = os.environ.get("SPBM_DATA", os.path.join(ROOT, "..", "shared", "data"))
+from record import DATA, ROOT, Run, made, write
+
 
 # Counts: about 10 %, 2 %, 1 % and less of the faces, at least five times the floor.
 MESHES = {
@@ -45,21 +42,6 @@ PEERS = {
 QUADRIC = ("CGAL Garland-Heckbert", "VTK quadric")
 
 
-def run(command, allowed=(0,)):
-    """Runs a command to its end; (output, CPU seconds, peak bytes) of that process alone."""
-    reader, writer = os.pipe()
-    child = os.posix_spawnp(command[0], command, os.environ,
-                            file_actions=[(os.POSIX_SPAWN_DUP2, writer, 1),
-                                          (os.POSIX_SPAWN_CLOSE, reader)])
-    os.close(writer)
-    with os.fdopen(reader, "rb") as pipe:
-        output = pipe.read().decode(errors="replace")
-    _, status, usage = os.wait4(child, 0)
-    if os.waitstatus_to_exitcode(status) not in allowed:
-        raise RuntimeError(f"{' '.join(command)} failed")
-    return output, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
-
-
 def prepare(spbm, generator, work, name):
     """The clean mesh of an input as a binary PLY, and its store's report."""
     source, _ = MESHES[name]
@@ -67,11 +49,11 @@ def prepare(spbm, generator, work, name):
     if not os.path.exists(report):
         if source.startswith("gen:"):
             path = f"{work}/{name}-generated.ply"
-            run([generator, *source[4:].split(), "-o", path])
+            Run([generator, *source[4:].split(), "-o", path])
         else:
             path = os.path.join(DATA, source)
-        run([spbm, "import", path, "-o", f"{work}/{name}.store", "-q", "--json", report + "~"])
-        run([spbm, "export", f"{work}/{name}.store", "-o", mesh, "-q"])
+        Run([spbm, "import", path, "-o", f"{work}/{name}.store", "-q", "--json", report + "~"])
+        Run([spbm, "export", f"{work}/{name}.store", "-o", mesh, "-q"])
         os.rename(report + "~", report)
     with open(report, encoding="utf-8") as file:
         return mesh, json.load(file)["store"]
@@ -87,16 +69,16 @@ def simplify(spbm, peers, work, name, method, mesh, faces):
             return json.load(file)
     if own:
         effort = method.split()[-1]
-        report, cpu, peak = run([spbm, "simplify", mesh, "-o", output, "--faces", str(faces), "-q",
-                                 "--effort", effort, "--json", "-"], (0, 3))
-        level = json.loads(report)["levels"][0]
+        made_by = Run([spbm, "simplify", mesh, "-o", output, "--faces", str(faces), "-q", "--effort",
+                       effort, "--json", "-"], (0, 3), keep_output=True)
+        level = json.loads(made_by.output)["levels"][0]
     else:
         program, argument = PEERS[method]
-        _, cpu, peak = run([f"{peers}/{program}", argument, mesh, output, str(faces)])
+        made_by = Run([f"{peers}/{program}", argument, mesh, output, str(faces)])
         level = None
-    measured, _, _ = run([spbm, "measure", mesh, output, "-q", "--json", "-"])
-    result = {"cpu": cpu, "peak": peak, "level": level,
-              "measurement": json.loads(measured)["measurement"]}
+    measured = Run([spbm, "measure", mesh, output, "-q", "--json", "-"], keep_output=True)
+    result = {"cpu": made_by.cpu, "peak": made_by.peak, "level": level,
+              "measurement": json.loads(measured.output)["measurement"]}
     with open(record, "w", encoding="utf-8") as file:
         json.dump(result, file)
     return result
@@ -166,12 +148,8 @@ def main():
                 if os.path.exists(f"{options.peers}/{program}")]
     if options.methods:
         methods = options.methods.split(",")
-    commit = subprocess.run(["git", "-C", ROOT, "rev-parse", "--short", "HEAD"],
-                            capture_output=True, text=True, check=False).stdout.strip()
     lines = ["# Accuracy at equal face counts\n",
-             f"{time.strftime('%Y-%m-%d')}, commit {commit}, {platform.machine()}, "
-             f"{os.cpu_count()} cores. Command: `{' '.join(['bench/accuracy.py'] + sys.argv[1:])}`."
-             " Lengths are fractions of the bounding box's diagonal, mean of both directions;"
+             f"{made()} Lengths are fractions of the bounding box's diagonal, mean of both directions;"
              " CPU seconds and peak memory are of the whole process, reading and writing"
              " included."]
     for name in options.only.split(",") if options.only else MESHES:
@@ -187,11 +165,7 @@ def main():
             lines += table(name, store, faces, results)
             print("\n".join(lines[-len(results) - 3:]), file=sys.stderr)
     text = "\n".join(lines) + "\n"
-    if options.output:
-        with open(options.output, "w", encoding="utf-8") as file:
-            file.write(text)
-    else:
-        print(text)
+    write(text, options.output)
 
 
 if __name__ == "__main__":

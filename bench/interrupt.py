@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+from record import ROOT, made, write
 
 
 def digest(path):
@@ -108,16 +108,9 @@ def main():
     with tempfile.TemporaryDirectory(prefix="spbm-interrupt-") as work:
         interrupt = Interrupt(options, work)
         results = [interrupt.kills(), interrupt.terms()]
-    commit = subprocess.run(["git", "-C", ROOT, "rev-parse", "--short", "HEAD"], capture_output=True,
-                            text=True, check=False).stdout.strip()
-    text = "# Interrupted runs\n\n%s, commit %s, %s faces, `bench/interrupt.py --faces %s %s`, load %.1f.\n\n" \
-        % (time.strftime("%Y-%m-%d"), commit, options.faces, options.faces, options.more,
-           os.getloadavg()[0])
+    text = "# Interrupted runs\n\n%s %s faces.\n\n" % (made(), options.faces)
     text += "".join("- %s.\n" % words for words, _ in results)
-    if options.output:
-        with open(options.output, "w", encoding="utf-8") as file:
-            file.write(text)
-    print(text)
+    write(text, options.output)
     sys.exit(0 if all(holds for _, holds in results) else 1)
 
 

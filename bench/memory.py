@@ -7,14 +7,10 @@ and one and two threads.
 """
 import argparse
 import json
-import os
-import platform
 import subprocess
-import sys
 import tempfile
-import time
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+from record import ROOT, made, write
 
 
 def main():
@@ -23,13 +19,9 @@ def main():
     parser.add_argument("--generator", default=f"{ROOT}/build/bench/gen_scan")
     parser.add_argument("-o", "--output", help="the record; default: standard output")
     options = parser.parse_args()
-    commit = subprocess.run(["git", "-C", ROOT, "rev-parse", "--short", "HEAD"],
-                            capture_output=True, text=True, check=False).stdout.strip()
     lines = ["# Peak memory of `spbm simplify`\n",
-             f"{time.strftime('%Y-%m-%d')}, commit {commit}, {platform.machine()}, "
-             f"{os.cpu_count()} cores. Commands: `bench/memory.py`, that is `gen_scan --faces "
-             "1087716 -o scan.ply` (543,860 vertices, noise of 0.04 edges), then `spbm simplify "
-             "scan.ply -o small.ply --faces 12700 OPTIONS --json -`.\n",
+             f"{made()} That is `gen_scan --faces 1087716 -o scan.ply` (543,860 vertices, noise of "
+             "0.04 edges), then `spbm simplify scan.ply -o small.ply --faces 12700 OPTIONS --json -`.\n",
              "| options | peak, bytes | bytes a vertex | CPU s: import | patchify | lod |",
              "|---|---|---|---|---|---|"]
     with tempfile.TemporaryDirectory() as work:
@@ -47,11 +39,7 @@ def main():
                 lines.append(f"| {choice} -t {threads} | {report['memory_peak']:,} "
                              f"| {report['memory_peak'] / vertices:.0f} | {stages} |")
     text = "\n".join(lines) + "\n"
-    if options.output:
-        with open(options.output, "w", encoding="utf-8") as file:
-            file.write(text)
-    else:
-        sys.stdout.write(text)
+    write(text, options.output)
 
 
 if __name__ == "__main__":

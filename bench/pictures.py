@@ -9,7 +9,8 @@ import argparse
 import json
 import os
 
-from accuracy import PEERS, ROOT, figures, prepare, run
+from accuracy import PEERS, figures, prepare
+from record import ROOT, Run
 
 # name: faces, the peer, the view's direction
 PICTURES = {
@@ -33,15 +34,16 @@ def main():
         folder = f"{options.work}/{name}-{faces}-picture"
         os.makedirs(folder, exist_ok=True)
         own, other = f"{folder}/spbm.ply", f"{folder}/{peer.replace(' ', '-')}.ply"
-        run([options.spbm, "simplify", mesh, "-o", own, "--faces", str(faces), "-q"], (0, 3))
+        Run([options.spbm, "simplify", mesh, "-o", own, "--faces", str(faces), "-q"], (0, 3))
         program, argument = PEERS[peer]
         if not os.path.exists(other):
-            run([f"{options.peers}/{program}", argument, mesh, other, str(faces)])
+            Run([f"{options.peers}/{program}", argument, mesh, other, str(faces)])
         for path in (own, other):
-            text, _, _ = run([options.spbm, "measure", mesh, path, "-q", "--json", "-"])
+            text = Run([options.spbm, "measure", mesh, path, "-q", "--json", "-"],
+                       keep_output=True).output
             found = figures({"measurement": json.loads(text)["measurement"]})
             print(name, os.path.basename(path), *(f"{key} {found[key]:.2e}" for key in found))
-        run([options.spbm, "render", own, other, "-o", f"{options.output}/accuracy-{name}.png",
+        Run([options.spbm, "render", own, other, "-o", f"{options.output}/accuracy-{name}.png",
              "--size", "480x400", "-q"])
 
 

@@ -77,7 +77,8 @@ def chart(path, title, x_title, y_title, series):
             text = label if label is not None else name
             if text:
                 right = x + 8 + 6.9 * len(text) < WIDTH - RIGHT
-                labels.append((x + 8 if right else x - 8 - 6.9 * len(text), y + 4, text, colour))
+                labels.append((x + 8, y + 4, text, colour) if right
+                              else (x - 8 - 6.9 * len(text), y + 20, text, colour))
     for x, y, text, colour in apart(labels):
         parts.append(f'<text x="{x:.1f}" y="{y:.1f}" fill="{colour}">{escape(text)}</text>')
     parts.append("</svg>\n")

@@ -10,18 +10,16 @@ begins.
 """
 import argparse
 import hashlib
-import math
 import os
-import platform
 import shutil
 import subprocess
 import sys
 import tempfile
-import time
 
 import groups
+import plot
+from record import ROOT, made
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 MIB = 1 << 20
 
 
@@ -180,15 +178,9 @@ class Bench:
     # ---- the record ----
 
     def record(self, file):
-        commit = subprocess.run(["git", "-C", ROOT, "rev-parse", "--short", "HEAD"],
-                                capture_output=True, text=True, check=False).stdout.strip()
-        file.write("# How `spbm simplify` scales\n\n%s, commit %s, %s, %d cores, load %.1f at the end. "
-                   "Made by `bench/scale.py --largest %s`. Control groups: %s. The machine was not "
-                   "idle; times are judged by %s seconds.\n\n" % (
-                       time.strftime("%Y-%m-%d"), commit, platform.machine(), os.cpu_count(),
-                       os.getloadavg()[0], self.options.largest,
-                       next((r["group"] for r in self.rows if r.get("group")), None) or "none, sampled",
-                       self.options.judge))
+        file.write("# How `spbm simplify` scales\n\n%s Control groups: %s. Times are judged by %s seconds.\n\n" % (
+            made(), next((r["group"] for r in self.rows if r.get("group")), None) or "none, sampled",
+            self.options.judge))
         file.write("| run | exit | wall s | CPU s | import | patchify | lod | VmHWM MiB | bytes a vertex | "
                    "group peak MiB | read GB | written GB | disk read GB | disk written GB | temporary GB "
                    "|\n|" + "---|" * 15 + "\n")
@@ -215,52 +207,14 @@ class Bench:
         rows = [row for row in self.curve if row["good"]]
         if len(rows) < 2:
             return
-        series = (("CPU seconds", [r["cpu"] for r in rows]),
-                  ("VmHWM, MiB", [r["peak"] / MIB for r in rows]),
-                  ("temporary space, GB", [r["temporary"] / 1e9 for r in rows]),
-                  ("read and written by calls, GB", [(r["rchar"] + r["wchar"]) / 1e9 for r in rows]))
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(draw([r["faces"] for r in rows], series))
-
-
-def draw(sizes, series):
-    """An SVG of curves over sizes, both axes logarithmic."""
-    width, height, left, top, right, bottom = 760, 480, 70, 40, 230, 50
-    colours = ("#1b6ca8", "#c0392b", "#1e8449", "#7d3c98")
-    values = [max(value, 1e-3) for _, points in series for value in points]
-    low, high = math.floor(math.log10(min(values))), math.ceil(math.log10(max(values)))
-    first, last = math.log10(sizes[0]), math.log10(sizes[-1])
-
-    def x_of(size):
-        return left + (math.log10(size) - first) / (last - first) * (width - left - right)
-
-    def y_of(value):
-        part = (math.log10(max(value, 10 ** low)) - low) / (high - low)
-        return height - bottom - part * (height - top - bottom)
-
-    out = ['<svg xmlns="http://www.w3.org/2000/svg" width="%d" height="%d" font-family="sans-serif" '
-           'font-size="12">' % (width, height), '<rect width="100%" height="100%" fill="white"/>',
-           '<text x="%d" y="22" font-size="15">spbm simplify, budget 1 GiB: what a run takes over the '
-           'faces of its input</text>' % left]
-    for power in range(low, high + 1):
-        y = y_of(10 ** power)
-        out.append('<line x1="%d" x2="%d" y1="%.1f" y2="%.1f" stroke="#ddd"/>'
-                   '<text x="%d" y="%.1f" text-anchor="end">%g</text>'
-                   % (left, width - right, y, y, left - 8, y + 4, 10 ** power))
-    for size in sizes:
-        x = x_of(size)
-        out.append('<line x1="%.1f" x2="%.1f" y1="%d" y2="%d" stroke="#ddd"/>'
-                   '<text x="%.1f" y="%d" text-anchor="middle">%s</text>'
-                   % (x, x, top, height - bottom, x, height - bottom + 20, words_of(size)))
-    for index, (name, points) in enumerate(series):
-        places = ["%.1f,%.1f" % (x_of(s), y_of(v)) for s, v in zip(sizes, points)]
-        out.append('<polyline points="%s" fill="none" stroke="%s" stroke-width="2"/>'
-                   % (" ".join(places), colours[index]))
-        out += ['<circle cx="%s" cy="%s" r="3" fill="%s"/>' % (*place.split(","), colours[index])
-                for place in places]
-        out.append('<text x="%d" y="%.1f" fill="%s">%s</text>'
-                   % (width - right + 10, y_of(points[-1]) + 4, colours[index], name))
-    return "\n".join(out) + "\n</svg>\n"
+        curves = (("CPU seconds", lambda row: row["cpu"]),
+                  ("VmHWM, MiB", lambda row: row["peak"] / MIB),
+                  ("temporary space, GB", lambda row: row["temporary"] / 1e9),
+                  ("read and written by calls, GB", lambda row: (row["rchar"] + row["wchar"]) / 1e9))
+        last = rows[-1]
+        plot.chart(path, "spbm simplify, budget 1 GiB", "faces", "see the lines' names", [
+            (name, [(row["faces"], max(of(row), 1e-3), name if row is last else "") for row in rows], True)
+            for name, of in curves])
 
 
 def main():

@@ -11,35 +11,15 @@ import argparse
 import hashlib
 import json
 import os
-import platform
 import statistics
 import subprocess
 import sys
-import time
 
 import accuracy
 import plot
+from record import DATA, ROOT, Run, made, write
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-DATA = os.environ.get("SPBM_DATA", os.path.join(ROOT, "..", "shared", "data"))
 SCAN, LARGE = ("1087716", "12700"), ("10000000", "100000")
-
-
-class Run:
-    """What one process took, as the system counts it."""
-
-    def __init__(self, command, stdout=None):
-        began = time.monotonic()
-        sink = os.open(stdout or os.devnull, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
-        child = os.posix_spawnp(command[0], command, os.environ,
-                                file_actions=[(os.POSIX_SPAWN_DUP2, sink, 1),
-                                              (os.POSIX_SPAWN_DUP2, sink, 2)])
-        os.close(sink)
-        _, status, usage = os.wait4(child, 0)
-        self.wall = time.monotonic() - began
-        if os.waitstatus_to_exitcode(status) != 0:
-            raise RuntimeError(f"{' '.join(command)} failed")
-        self.cpu, self.peak = usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024
 
 
 def in_turn(runs, commands):
@@ -233,19 +213,11 @@ def main():
     parser.add_argument("-o", "--output", help="the record; default: standard output")
     options = parser.parse_args()
     bench = Bench(options)
-    commit = subprocess.run(["git", "-C", ROOT, "rev-parse", "--short", "HEAD"],
-                            capture_output=True, text=True, check=False).stdout.strip()
-    bench.say("# Speed\n", f"{time.strftime('%Y-%m-%d')}, commit {commit}, {platform.machine()}, "
-              f"{os.cpu_count()} cores. Command: `{' '.join(['bench/speed.py'] + sys.argv[1:])}`. Medians "
-              f"of {options.runs} runs made in turn, whole processes, files in the page cache.")
+    bench.say("# Speed\n", f"{made()} Medians of {options.runs} runs made in turn, whole processes, files in the page cache.")
     for part in options.only.split(",") if options.only else parts:
         getattr(bench, part)()
     text = "\n".join(bench.lines) + "\n"
-    if options.output:
-        with open(options.output, "w", encoding="utf-8") as file:
-            file.write(text)
-    else:
-        sys.stdout.write(text)
+    write(text, options.output)
 
 
 if __name__ == "__main__":
