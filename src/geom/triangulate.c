@@ -421,17 +421,3 @@ enum status triangulate(struct context *ctx, struct triangulation_workspace *ws,
         *quality = TRIANGULATION_FORCED;
     return status;
 }
-
-enum status projected_loop_is_simple(struct context *ctx, struct triangulation_workspace *ws,
-                                     const double *points, uint32_t n, const double normal[3],
-                                     bool *simple)
-{
-    struct loop loop = {.corners = points, .n = n};
-    enum status status = place_loop(ctx, &ws->loop, &loop);
-    if (status != STATUS_OK)
-        return status;
-    struct frame frame = frame_of(&loop);
-    struct vec3 axis = normal ? vec3_load(normal) : newell_normal(&loop, &frame);
-    *simple = project(&loop, &frame, axis);
-    return *simple ? loop_is_simple(ctx, &ws->sweep, loop.points, n, simple) : STATUS_OK;
-}

@@ -65,12 +65,4 @@ enum status triangulate(struct context *ctx, struct triangulation_workspace *ws,
                         bool (*diagonal_allowed)(void *user, uint32_t i, uint32_t j), void *user,
                         uint32_t *triangles, enum triangulation_quality *quality) MUST_CHECK;
 
-/*
- * Does the loop, projected along `normal` (NULL: its own) and rounded to the grid, cross or touch
- * itself, or run clockwise? For deciding beforehand whether a patch may have this border.
- */
-enum status projected_loop_is_simple(struct context *ctx, struct triangulation_workspace *ws,
-                                     const double *points, uint32_t n, const double normal[3],
-                                     bool *simple) MUST_CHECK;
-
 #endif
