@@ -4,36 +4,14 @@ import os
 import shutil
 import struct
 import subprocess
+import sys
 import tempfile
 import unittest
 
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from kit import bumpy_sphere  # noqa: E402
+
 PROGRAM = os.environ["SPBM_PROGRAM"]
-
-
-def bumpy_sphere(n, bump=0.1):
-    """A closed surface of 8 n^2 faces: an octahedron, each face cut n x n, on a bumpy sphere."""
-    numbers, vertices, faces = {}, [], []
-
-    def vertex(x, y, z):
-        if (x, y, z) not in numbers:
-            numbers[x, y, z] = len(vertices)
-            length = (x * x + y * y + z * z) ** 0.5
-            radius = (1 + bump * (3 * x * y - 2 * y * z + x * x) / (n * n)) / length
-            vertices.append((x * radius, y * radius, z * radius))
-        return numbers[x, y, z]
-
-    for sx in (1, -1):
-        for sy in (1, -1):
-            for sz in (1, -1):
-                def at(i, j):
-                    return vertex(sx * i, sy * j, sz * (n - i - j))
-                for i in range(n):
-                    for j in range(n - i):
-                        found = [(at(i, j), at(i + 1, j), at(i, j + 1))]
-                        if i + j < n - 1:
-                            found.append((at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)))
-                        faces += [face if sx * sy * sz > 0 else face[::-1] for face in found]
-    return vertices, faces
 
 
 def write_ply(path, mesh, binary=True):

@@ -15,6 +15,7 @@ import unittest
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from program import PROGRAM, ProgramTest, bumpy_sphere, read_bytes, write_ply  # noqa: E402
+from kit import run_limited  # noqa: E402
 
 with open(PROGRAM, "rb") as program_file:
     HAS_SANITIZER = b"__asan_init" in program_file.read()
@@ -40,31 +41,16 @@ class Hostile(ProgramTest):
     def run_limited(self, *words, code=(0, 1, 3), seconds=10, megabytes=64, prepare=None):
         """Runs it with so much time of processors and memory of its own; the exit code must be one of
         `code` (no memory would be 4). Returns its stderr."""
-        def limit():
-            if not HAS_SANITIZER:
-                resource.setrlimit(resource.RLIMIT_DATA, (megabytes << 20, megabytes << 20))
-            if prepare:
-                prepare()
-        with open(self.path(".err"), "w+b") as err:
-            process = subprocess.Popen([PROGRAM, *map(str, words), "-q"], stdin=subprocess.DEVNULL,
-                                       stdout=subprocess.DEVNULL, stderr=err, cwd=self.folder,
-                                       env=self.environment, preexec_fn=limit)
-            timer = threading.Timer(6 * seconds, process.kill)
-            timer.start()
-            _, status, usage = os.wait4(process.pid, 0)
-            timer.cancel()
-            process.returncode = os.waitstatus_to_exitcode(status)
-            err.seek(0)
-            text = err.read().decode(errors="replace")
-        os.unlink(self.path(".err"))
-        self.assertIn(process.returncode, (code,) if isinstance(code, int) else code, text)
-        self.assertNotIn("Sanitizer", text)
-        self.assertNotIn("runtime error", text)
+        ended = run_limited([PROGRAM, *map(str, words), "-q"], self.folder, self.environment, 6 * seconds,
+                            0 if HAS_SANITIZER else megabytes, prepare)
+        self.assertIn(ended.code, (code,) if isinstance(code, int) else code, ended.err)
+        self.assertNotIn("Sanitizer", ended.err)
+        self.assertNotIn("runtime error", ended.err)
         if not HAS_SANITIZER:
-            self.assertLess(usage.ru_utime + usage.ru_stime, seconds)
-        if process.returncode == 1:
-            self.assertEqual(len(re.findall("^spbm: error: ", text, re.M)), 1, text)
-        return text
+            self.assertLess(ended.seconds, seconds)
+        if ended.code == 1:
+            self.assertEqual(len(re.findall("^spbm: error: ", ended.err, re.M)), 1, ended.err)
+        return ended.err
 
     def refused(self, data, *says, name="in", megabytes=64):
         """The bytes are refused as an import, in words that hold all of `says`; nothing is left."""

@@ -18,44 +18,21 @@ import gzip
 import os
 import random
 import re
-import resource
 import shutil
 import signal
 import struct
-import subprocess
 import sys
 import tempfile
-import threading
 import time
 import zlib
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from kit import bumpy_sphere, run_limited  # noqa: E402
 
 DATA = os.environ.get("SPBM_DATA", os.path.join(os.path.dirname(__file__), "../../../shared/data"))
 
 
 # ---- the files ----
-
-def sphere(n):
-    """An octahedron whose 8 faces are cut n x n, on a bumpy sphere: 8 n^2 faces."""
-    numbers, vertices, faces = {}, [], []
-
-    def vertex(x, y, z):
-        if (x, y, z) not in numbers:
-            numbers[x, y, z] = len(vertices)
-            scale = (1 + 0.2 * x * y / n / n) / (x * x + y * y + z * z) ** 0.5
-            vertices.append((x * scale, y * scale, z * scale))
-        return numbers[x, y, z]
-
-    for sx, sy, sz in ((x, y, z) for x in (1, -1) for y in (1, -1) for z in (1, -1)):
-        def at(i, j):
-            return vertex(sx * i, sy * j, sz * (n - i - j))
-        for i in range(n):
-            for j in range(n - i):
-                found = [(at(i, j), at(i + 1, j), at(i, j + 1))]
-                if i + j < n - 1:
-                    found.append((at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)))
-                faces += [face if sx * sy * sz > 0 else face[::-1] for face in found]
-    return vertices, faces
-
 
 def grid(n):
     """A bumpy square with a hole: a surface with two border loops."""
@@ -161,18 +138,18 @@ def real_obj(name, count):
 
 def originals():
     """Name and bytes of each of the ten."""
-    ball, sheet = sphere(8), grid(14)
+    ball, sheet = bumpy_sphere(8), grid(14)
     return [
-        ("box.stl", real_bytes("cad_box.stl") or stl_text(sphere(1))),
-        ("nut.stl", real_bytes("cad_m3_hex_nut.stl") or stl_text(sphere(9))),
+        ("box.stl", real_bytes("cad_box.stl") or stl_text(bumpy_sphere(1))),
+        ("nut.stl", real_bytes("cad_m3_hex_nut.stl") or stl_text(bumpy_sphere(9))),
         ("polygons.off", real_bytes("cube_poly.off") or b"OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n"),
-        ("torus.off", real_bytes("double-torus-example.off") or obj(sphere(6))),
+        ("torus.off", real_bytes("double-torus-example.off") or obj(bumpy_sphere(6))),
         ("elephant.ply.gz", gzip.compress(ply(real_off("refined_elephant.off.gz", 600) or ball), 6, mtime=0)),
         ("skull.obj", obj(real_obj("skull.obj.gz", 500) or sheet)),
         ("ball.ply", ply(ball, "ascii")),
         ("big.ply", ply(sheet, "binary_big_endian")),
-        ("colours.ply", ply(sphere(9), colours=True)),
-        ("text.stl", stl_text(sphere(3))),
+        ("colours.ply", ply(bumpy_sphere(9), colours=True)),
+        ("text.stl", stl_text(bumpy_sphere(3))),
     ]
 
 
@@ -289,37 +266,18 @@ class Finding(Exception):
     pass
 
 
-class Result:
-    def __init__(self, code, err, seconds):
-        self.code, self.err, self.seconds = code, err, seconds
-
-
 def run(words, folder, seconds, megabytes):
     """Runs the program; a Finding when it does not end within so many seconds of processor time, or, if
-    it waits for something, within twenty times as many on the clock."""
+    it waits for something, within twenty times as many on the clock. More memory of its own than allowed
+    is refused and ends in exit code 4, which is a finding."""
     environment = {k: v for k, v in os.environ.items() if k not in ("TMPDIR", "LANGUAGE")}
     environment.setdefault("ASAN_OPTIONS", "detect_leaks=1:allocator_may_return_null=1")
     environment.setdefault("UBSAN_OPTIONS", "halt_on_error=1:print_stacktrace=1")
 
-    def limit():
-        """Memory of its own: more than that is refused and ends in exit code 4, which is a finding."""
-        if megabytes:
-            resource.setrlimit(resource.RLIMIT_DATA, (megabytes << 20, megabytes << 20))
-    with tempfile.TemporaryFile() as err:
-        process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=err,
-                                   cwd=folder, env=environment, preexec_fn=limit)
-        late = threading.Event()
-        timer = threading.Timer(20 * seconds, lambda: (late.set(), process.kill()))
-        timer.start()
-        _, status, usage = os.wait4(process.pid, 0)
-        timer.cancel()
-        process.returncode = os.waitstatus_to_exitcode(status)
-        err.seek(0)
-        text = err.read().decode(errors="replace")
-    took = usage.ru_utime + usage.ru_stime
-    if late.is_set() or took > seconds:
+    ended = run_limited(words, folder, environment, 20 * seconds, megabytes)
+    if ended.is_late or ended.seconds > seconds:
         raise Finding("does not end within %g s" % seconds)
-    return Result(process.returncode, text, took)
+    return ended
 
 
 def judge(result):
