@@ -171,9 +171,7 @@ spbm_status call_end(spbm_job *job, enum status status)
 
 /* ---- the stages ---- */
 
-/* A stage that is given another stage's file says which one that is, and what makes the right one.
- */
-static enum status check_kind(struct context *ctx, const char *path, spbm_file_kind wanted)
+enum status check_kind(struct context *ctx, const char *path, spbm_file_kind wanted)
 {
     static const char *const names[] = {"a mesh file", "a mesh store", "a chain file"};
     static const char *const ways[] = {"", "import makes one of a mesh",

@@ -120,6 +120,9 @@ enum status check_simplify(struct spbm_job *job, const char *const *inputs, size
                            const char *output, const spbm_simplify_options *options,
                            struct run_size *size, struct mesh_estimate *sum) MUST_CHECK;
 
+/* A stage that is given another stage's file says which one that is, and what makes the right one.
+ */
+enum status check_kind(struct context *ctx, const char *path, spbm_file_kind wanted) MUST_CHECK;
 enum status check_topology(struct context *ctx, const spbm_topology_options *options) MUST_CHECK;
 
 struct target make_target(const spbm_target *from);
@@ -131,6 +134,14 @@ enum status recognise_file(struct context *ctx, const char *path, spbm_file_kind
                            uint64_t *size) MUST_CHECK;
 
 /* ---- reports ---- */
+
+struct clock {
+    double wall, cpu; /* seconds */
+};
+
+struct clock clock_now(void);
+/* What a stage took that began at *began and ends now, where the next one begins. */
+spbm_stage stage_since(struct context *ctx, const char *name, struct clock *began);
 
 void copy_store(spbm_store_figures *to, const struct store_info *from);
 void copy_chains(spbm_chain_figures *to, const struct chain_info *from);

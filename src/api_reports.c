@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <time.h>
 
 #include "api_internal.h"
 
@@ -56,6 +57,25 @@ static const char *scalar_word(enum scalar_type type)
     static const char *const words[] = {"char", "uchar", "short", "ushort",
                                         "int",  "uint",  "float", "double"};
     return words[type];
+}
+
+struct clock clock_now(void)
+{
+    struct timespec wall, cpu;
+    clock_gettime(CLOCK_MONOTONIC, &wall);
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &cpu);
+    return (struct clock){(double)wall.tv_sec + 1e-9 * (double)wall.tv_nsec,
+                          (double)cpu.tv_sec + 1e-9 * (double)cpu.tv_nsec};
+}
+
+spbm_stage stage_since(struct context *ctx, const char *name, struct clock *began)
+{
+    const struct clock then = *began, now = *began = clock_now();
+    return (spbm_stage){.name = name,
+                        .wall_seconds = now.wall - then.wall,
+                        .cpu_seconds = now.cpu - then.cpu,
+                        .memory_peak = atomic_load(&ctx->memory_peak),
+                        .threads = ctx->threads};
 }
 
 void copy_store(spbm_store_figures *to, const struct store_info *from)

@@ -3,32 +3,23 @@
  * the files between them in a workspace (api_workspace.c) or, if the run is to be resumable, in a
  * locked folder (api_resume.c), where a file that is there is a stage that is done. Topology is
  * done again whenever a run is resumed, for what it removed is to be told.
+ *
+ * Levels of a chain file with other topology are such a run, too: what is imported is then the
+ * mesh that the chains give (chain_unfold.h), and there is one way to remove a feature, not two.
  */
 #include <errno.h>
+#include <math.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "api_resume.h"
 #include "base/file.h"
+#include "simplify/chain_unfold.h"
 
 static const char RAW_NAME[] = "raw.store", STORE_NAME[] = "mesh.store";
 static const char CHAINS_NAME[] = "mesh.chains";
 
 /* ---- the three stages ---- */
-
-struct clock {
-    double wall, cpu;
-};
-
-static struct clock clock_now(void)
-{
-    struct timespec wall, cpu;
-    clock_gettime(CLOCK_MONOTONIC, &wall);
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &cpu);
-    return (struct clock){(double)wall.tv_sec + 1e-9 * (double)wall.tv_nsec,
-                          (double)cpu.tv_sec + 1e-9 * (double)cpu.tv_nsec};
-}
 
 struct run {
     struct spbm_job *job;
@@ -43,6 +34,7 @@ struct run {
     struct run_size size;
     struct clock began;
     struct chain_info chains;
+    bool is_unfolding; /* the input is a chain file */
 };
 
 static bool is_resumable(const struct run *run)
@@ -52,17 +44,10 @@ static bool is_resumable(const struct run *run)
 
 static void stage_end(struct run *run, const char *name, bool resumed)
 {
-    struct clock now = clock_now();
     spbm_simplify_report *report = run->report;
-    report->stages[report->stage_count++] = (spbm_stage){
-        .name = name,
-        .wall_seconds = now.wall - run->began.wall,
-        .cpu_seconds = now.cpu - run->began.cpu,
-        .memory_peak = atomic_load(&run->ctx->memory_peak),
-        .threads = run->ctx->threads,
-        .resumed = resumed,
-    };
-    run->began = now;
+    spbm_stage *stage = &report->stages[report->stage_count++];
+    *stage = stage_since(run->ctx, name, &run->began);
+    stage->resumed = resumed;
 }
 
 static void take_store(struct run *run, const struct store_info *info)
@@ -118,6 +103,21 @@ static enum status build_store(struct run *run)
     }
     if (status == STATUS_OK)
         take_store(run, &info);
+    return status;
+}
+
+/* A chain file's finest mesh in place of what the import makes. */
+static enum status unfold_stage(struct run *run)
+{
+    struct store_info info;
+    const struct import_options import = {.sync = false};
+    enum status status = stage_begin(run->job, STAGE_IMPORT, &run->size);
+    if (status == STATUS_OK)
+        status = chain_unfold(run->ctx, run->inputs[0], run->work.raw, &import, &info);
+    if (status == STATUS_OK) {
+        take_store(run, &info);
+        stage_end(run, "unfold", false);
+    }
     return status;
 }
 
@@ -211,7 +211,7 @@ static enum status lod_stage(struct run *run)
 static enum status run_stages(struct run *run)
 {
     run->began = clock_now();
-    enum status status = import_stage(run);
+    enum status status = run->is_unfolding ? unfold_stage(run) : import_stage(run);
     if (status == STATUS_OK && run->options->topology)
         status = topology_stage(run);
     if (status == STATUS_OK)
@@ -356,6 +356,77 @@ spbm_status spbm_simplify(spbm_job *job, const char *const *inputs, size_t input
         status = open_places(&run);
     if (status == STATUS_OK)
         status = run_again_if_damaged(&run);
+    close_places(&run, status);
+    return call_end(job, status);
+}
+
+/* ---- from a chain file on ---- */
+
+/* Ratios are of the faces of the chain file's store, not of the mesh that its chains give. */
+static void count_targets(spbm_target *target, uint64_t faces)
+{
+    for (uint32_t i = 0; target->kind == SPBM_BY_RATIO && i < target->count; i++) {
+        double wanted = floor(target->values[i] * (double)faces);
+        target->values[i] = wanted < 1 ? 1 : wanted;
+    }
+    target->kind = target->kind == SPBM_BY_RATIO ? SPBM_BY_FACES : target->kind;
+}
+
+/* All that the chains tell of the surface is to be told again: patches are as good as plane. */
+static const spbm_patch_options plane_patches = {
+    .patch_angle = {1, 1}, .face_angle = {1, 1}, .chain_tolerance = -1};
+
+static enum status check_chains(struct run *run, spbm_simplify_options *options)
+{
+    struct context *ctx = run->ctx;
+    enum status status =
+        check_levels(ctx, run->inputs, 1, run->output, &options->target, &options->lod);
+    if (status == STATUS_OK)
+        status = check_topology(ctx, options->topology);
+    if (status == STATUS_OK)
+        status = check_kind(ctx, run->inputs[0], SPBM_FILE_CHAINS);
+    if (status == STATUS_OK)
+        status = read_chain_info(ctx, run->inputs[0], &run->chains);
+    if (status != STATUS_OK)
+        return status;
+    count_targets(&options->target, run->chains.topology.faces);
+    run->size = (struct run_size){.faces = run->chains.topology.faces,
+                                  .stride = run->chains.attributes.stride,
+                                  .target = make_target(&options->target)};
+    return stages_fit(run->job, STAGE_IMPORT, STAGE_LOD, &run->size);
+}
+
+spbm_status spbm_lod_topology(spbm_job *job, const char *chains, const char *output,
+                              const spbm_target *target, const spbm_lod_options *options,
+                              const spbm_topology_options *topology, spbm_simplify_report *report)
+{
+    struct context *ctx = call_begin(job);
+    spbm_simplify_report unwanted;
+    spbm_simplify_options all;
+    struct run run = {.job = job,
+                      .ctx = ctx,
+                      .inputs = &chains,
+                      .input_count = 1,
+                      .output = output,
+                      .options = &all,
+                      .report = report ? report : &unwanted,
+                      .folder = {.fd = -1},
+                      .is_unfolding = true};
+    memset(run.report, 0, sizeof *run.report);
+    workspace_init(&run.work, ctx);
+    spbm_simplify_defaults(&all);
+    all.target = *target;
+    all.lod = options ? *options : all.lod;
+    all.patch = plane_patches;
+    all.topology = topology;
+
+    enum status status = check_chains(&run, &all);
+    const uint64_t original_faces = run.chains.topology.faces;
+    if (status == STATUS_OK)
+        status = open_places(&run);
+    if (status == STATUS_OK)
+        status = run_stages(&run);
+    run.report->levels.original_faces = original_faces;
     close_places(&run, status);
     return call_end(job, status);
 }

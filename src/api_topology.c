@@ -5,8 +5,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
-#include <unistd.h>
 
 #include "api_internal.h"
 #include "mesh/store_layout.h"
@@ -104,25 +102,6 @@ static bool is_store(const char *const *inputs, size_t input_count)
     return size == sizeof magic && memcmp(magic, STORE_MAGIC, sizeof magic) == 0;
 }
 
-static void note_stage(struct context *ctx, spbm_topology_report *report, const char *name,
-                       const struct timespec wall[2], const struct timespec cpu[2])
-{
-    report->stages[report->stage_count++] =
-        (spbm_stage){.name = name,
-                     .wall_seconds = (double)(wall[1].tv_sec - wall[0].tv_sec) +
-                                     1e-9 * (double)(wall[1].tv_nsec - wall[0].tv_nsec),
-                     .cpu_seconds = (double)(cpu[1].tv_sec - cpu[0].tv_sec) +
-                                    1e-9 * (double)(cpu[1].tv_nsec - cpu[0].tv_nsec),
-                     .memory_peak = atomic_load(&ctx->memory_peak),
-                     .threads = ctx->threads};
-}
-
-static void read_clocks(struct timespec *wall, struct timespec *cpu)
-{
-    clock_gettime(CLOCK_MONOTONIC, wall);
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, cpu);
-}
-
 void copy_removal(spbm_removal *to, const spbm_topology_options *options,
                   const struct topology_report *from)
 {
@@ -163,18 +142,14 @@ static enum status run_topology(struct spbm_job *job, struct workspace *work,
     const char *store = has_store ? inputs[0] : work->store;
     struct topology_options wanted = make_topology(options);
     struct topology_report result = {0};
-    struct timespec wall[2], cpu[2];
+    struct clock began = clock_now();
     enum status status = STATUS_OK;
-    read_clocks(&wall[0], &cpu[0]);
     if (!has_store) {
         struct import_options import = {.weld = options->import.weld != 0};
         status = stage_begin(job, STAGE_IMPORT, &(struct run_size){0});
         if (status == STATUS_OK)
             status = store_build(ctx, inputs, input_count, store, &import, NULL);
-        read_clocks(&wall[1], &cpu[1]);
-        note_stage(ctx, report, "import", wall, cpu);
-        wall[0] = wall[1];
-        cpu[0] = cpu[1];
+        report->stages[report->stage_count++] = stage_since(ctx, "import", &began);
         budget_begin(ctx, job_memory(job), job->settings.threads);
     }
     if (status == STATUS_OK)
@@ -182,8 +157,7 @@ static enum status run_topology(struct spbm_job *job, struct workspace *work,
     if (status == STATUS_OK)
         status = topology_run(ctx, store, work->chains, output, &wanted, &result);
     if (status == STATUS_OK) {
-        read_clocks(&wall[1], &cpu[1]);
-        note_stage(ctx, report, "topology", wall, cpu);
+        report->stages[report->stage_count++] = stage_since(ctx, "topology", &began);
         copy_removal(&report->removal, options, &result);
     }
     topology_report_clear(ctx, &result);

@@ -554,6 +554,19 @@ SPBM_API spbm_status spbm_simplify(spbm_job *job, const char *const *inputs, siz
                                    const char *output, const spbm_simplify_options *options,
                                    spbm_simplify_report *report);
 
+/*
+ * The levels of spbm_lod with small features gone: the finest mesh that the chain file gives is made
+ * again, and goes through topology, patches and levels as in spbm_simplify; all in temporary files.
+ * Features are as large as the chains show them; ratios are of the faces of the chain file's store.
+ * `options` NULL: the defaults. `topology` as in spbm_simplify_options. `report` (may be NULL):
+ * the first stage is "unfold", and store is of the mesh that the chains give. Fails as spbm_lod
+ * does.
+ */
+SPBM_API spbm_status spbm_lod_topology(spbm_job *job, const char *chains, const char *output,
+                                       const spbm_target *target, const spbm_lod_options *options,
+                                       const spbm_topology_options *topology,
+                                       spbm_simplify_report *report);
+
 /* What a run is expected to take. */
 typedef struct spbm_plan {
     uint64_t faces, vertices; /* of the inputs; a soup's vertices as after welding */

@@ -45,8 +45,10 @@ static const struct command commands[] = {
      "coarser levels are always possible. With several levels OUT holds %d, which becomes the\n"
      "level's number (0 is the finest; %% is a percent sign).\n"
      "\n"
-     "  spbm lod scan.chains -o 'level-%d.ply' --faces 100k,10k\n",
-     GROUP_SHARED | GROUP_OUTPUT | GROUP_TARGET | GROUP_PLACE | GROUP_FORMAT, 1, 1, cmd_lod},
+     "  spbm lod scan.chains -o 'level-%d.ply' --faces 100k,10k\n"
+     "  spbm lod part.chains -o part.ply --faces 100 --max-feature 2\n",
+     GROUP_SHARED | GROUP_OUTPUT | GROUP_TARGET | GROUP_PLACE | GROUP_TOPOLOGY | GROUP_FORMAT, 1, 1,
+     cmd_lod},
     {"export", "One stage at a time", "STORE -o OUT [options]",
      "writes a mesh store's mesh as a mesh file",
      "Writes the cleaned mesh at full size, streamed.\n"

@@ -479,9 +479,21 @@ class Report(ProgramTest):
         _, err = self.run_program("simplify", "speck.off", "-o", "s.ply", "--faces", "4", "--size",
                                   "box", code=2)
         self.assertIn("no size is given", err)
-        _, err = self.run_program("lod", "a.chains", "-o", "s.ply", "--faces", "4", "--max-feature",
-                                  "3", code=2)
-        self.assertIn("option of simplify, topology", err)
+        _, err = self.run_program("export", "a.store", "-o", "s.ply", "--max-feature", "3", code=2)
+        self.assertIn("option of simplify, lod, topology", err)
+
+    def test_topology_of_chains(self):
+        self.run_program("import", self.speck(), "-o", "a.store")
+        self.run_program("patchify", "a.store", "-o", "a.chains", "--faces", "8")
+        _, err = self.run_program("lod", "a.chains", "-o", "s.ply", "--faces", "4",
+                                  "--drop-components", "50%", "--json", "t.json")
+        report = read_json(self.path("t.json"))
+        self.assertIn("component removed: 1", err)
+        self.assertIn("8 faces in, 4 faces out", err)
+        self.assertEqual(report["removed_counts"]["component"], 1)
+        self.assertEqual([stage["name"] for stage in report["stages"]],
+                         ["unfold", "topology", "patchify", "lod"])
+        self.run_program("check", "s.ply")
 
     def test_every_key_is_documented(self):
         with open(os.path.join(SOURCE, "doc", "json.md"), encoding="utf-8") as file:

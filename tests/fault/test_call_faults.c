@@ -98,6 +98,18 @@ static spbm_status call_topology(spbm_job *job, struct place *place)
     return spbm_simplify_topology(job, &input, 1, place->output, &options, NULL);
 }
 
+static spbm_status call_lod_topology(spbm_job *job, struct place *place)
+{
+    spbm_target target;
+    spbm_topology_options options;
+    want_faces(&target, SPBM_COLLAPSE);
+    spbm_topology_defaults(&options);
+    options.max_feature = (spbm_length){.value = 0.1, .is_relative = 1};
+    spbm_status status =
+        spbm_lod_topology(job, place->chains, place->output, &target, NULL, &options, NULL);
+    return status == SPBM_TARGET_MISSED ? SPBM_OK : status;
+}
+
 static spbm_status call_export(spbm_job *job, struct place *place)
 {
     return spbm_export(job, place->store, place->output, SPBM_FORMAT_STL);
@@ -292,6 +304,7 @@ FAULTS(resumable)
 FAULTS(import)
 FAULTS(patchify)
 FAULTS(lod)
+FAULTS(lod_topology)
 FAULTS(topology)
 FAULTS(export)
 FAULTS(export_text)
@@ -311,9 +324,9 @@ static void render_fails_cleanly(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(collapse), TEST(classic),  TEST(resumable), TEST(import),      TEST(patchify),
-        TEST(lod),      TEST(topology), TEST(export),    TEST(export_text), TEST(info),
-        TEST(check),    TEST(measure),  TEST(render),
+        TEST(collapse), TEST(classic),      TEST(resumable), TEST(import), TEST(patchify),
+        TEST(lod),      TEST(lod_topology), TEST(topology),  TEST(export), TEST(export_text),
+        TEST(info),     TEST(check),        TEST(measure),   TEST(render),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -132,6 +132,48 @@ static void counts_below_the_floor(void **state)
     assert_int_equal(folder_count(place->folder), 3);
 }
 
+/* From a chain file on, too: features go in both modes, and ratios are of the first store. */
+static void chains_lose_features(void **state)
+{
+    struct place *place = *state;
+    char store[TEST_PATH], chains[TEST_PATH];
+    spbm_simplify_report *report = place->report;
+    const char *part = place->part;
+    spbm_target target = place->simplify.target;
+    folder_path(store, place->folder, "part.store");
+    folder_path(chains, place->folder, "part.chains");
+    assert_int_equal(spbm_import(place->job, &part, 1, store, NULL, NULL), SPBM_OK);
+    place->topology.removed = hear;
+    place->topology.user = place;
+    for (int mode = SPBM_COLLAPSE; mode <= SPBM_CLASSIC; mode++) {
+        target.mode = (spbm_mode)mode;
+        target.kind = SPBM_BY_FACES;
+        target.values[0] = 12;
+        assert_int_equal(spbm_patchify(place->job, store, chains, &target, NULL, NULL), SPBM_OK);
+        for (int by_ratio = 0; by_ratio < 2; by_ratio++) {
+            place->heard = 0;
+            assert_int_equal(spbm_lod_topology(place->job, chains, place->two, &target, NULL,
+                                               &place->topology, report),
+                             SPBM_OK);
+            assert_string_equal(report->stages[0].name, "unfold");
+            assert_int_equal(report->stage_count, 4);
+            assert_in_range(report->levels.levels[0].faces, 11, 12);
+            assert_int_equal(place->heard, 16);
+            assert_int_equal(report->removal.counts[SPBM_HOLE], 16);
+            assert_int_equal(report->chains.topology.euler, 2);
+            assert_int_equal(spbm_check(place->job, place->two, NULL), SPBM_OK);
+            target.kind = SPBM_BY_RATIO;
+            target.values[0] = 12.5 / (double)report->levels.original_faces;
+        }
+        target.kind = SPBM_BY_FACES;
+        target.values[0] = 12;
+        assert_int_equal(
+            spbm_lod_topology(place->job, store, place->two, &target, NULL, &place->topology, NULL),
+            SPBM_BAD_INPUT);
+    }
+    assert_int_equal(folder_count(place->folder), 4);
+}
+
 /* What is kept is a store and a chain file of what is left. */
 static void kept_files_are_of_what_is_left(void **state)
 {
@@ -167,9 +209,8 @@ static void nonsense_is_refused_first(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(a_run_is_its_steps),
-        TEST(counts_below_the_floor),
-        TEST(kept_files_are_of_what_is_left),
+        TEST(a_run_is_its_steps),        TEST(counts_below_the_floor),
+        TEST(chains_lose_features),      TEST(kept_files_are_of_what_is_left),
         TEST(nonsense_is_refused_first),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
