@@ -10,12 +10,15 @@
  * (VAMSplit); the search by depth with the nearest child first is that of Roussopoulos et al.,
  * "Nearest neighbor queries" (1995).
  *
- * Boxes are float32. What rounding could do is made harmless in two places: boxes are widened by
- * 2^-21 of the whole extent, and the point that asks stands for a small box of its own, so that a
- * box is never found farther than its triangles are.
+ * Boxes are float32, relative to the median of the triangles and not to the middle of their box:
+ * floats are densest at zero, and one stray vertex far away must not press all others into a few
+ * steps. What rounding could do is made harmless in two places: boxes are widened by four steps of
+ * float32 and by what distances of such coordinates are off in double, and the point that asks
+ * stands for a small box of its own, so that a box is never found farther than its triangles are.
  */
 #include "geom/bvh.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
@@ -26,7 +29,11 @@ struct centre {
     uint32_t triangle;
 };
 
-static const float box_slack = 0x1p-21f;
+/* Of a value's own size, for rounding to float32, and of the largest coordinate, for that of
+ * distances. */
+static const double value_slack = 0x1p-22, distance_slack = 0x1p-44;
+
+enum { MEDIAN_SAMPLES = 255 };
 
 /* ---- building ---- */
 
@@ -36,27 +43,57 @@ static float centre_of(double a, double b, double c, double origin, double scale
     return (float)(((low - origin) + (high - origin)) * 0.5 * scale);
 }
 
+static int by_value(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* The median of first corners, by coordinate, of a few triangles evenly spread over the input. */
+static struct vec3 median_corner(const struct bvh *bvh)
+{
+    double values[3][MEDIAN_SAMPLES];
+    uint32_t samples = bvh->count < MEDIAN_SAMPLES ? bvh->count : MEDIAN_SAMPLES;
+    if (samples == 0)
+        return (struct vec3){0, 0, 0};
+    for (uint32_t i = 0; i < samples; i++) {
+        struct triangle t = bvh_triangle(bvh, (uint32_t)((uint64_t)i * bvh->count / samples));
+        values[0][i] = t.a.x;
+        values[1][i] = t.a.y;
+        values[2][i] = t.a.z;
+    }
+    for (unsigned k = 0; k < 3; k++)
+        qsort(values[k], samples, sizeof **values, by_value);
+    return (struct vec3){values[0][samples / 2], values[1][samples / 2], values[2][samples / 2]};
+}
+
+static double farther(double extent, const struct vec3 *corner, const struct vec3 *origin)
+{
+    /* Halves first: the difference of two large coordinates must not overflow. */
+    extent = fmax(extent, fabs(corner->x * 0.5 - origin->x * 0.5));
+    extent = fmax(extent, fabs(corner->y * 0.5 - origin->y * 0.5));
+    return fmax(extent, fabs(corner->z * 0.5 - origin->z * 0.5));
+}
+
 static void choose_frame(struct bvh *bvh)
 {
-    struct vec3 low = {INFINITY, INFINITY, INFINITY}, high = {-INFINITY, -INFINITY, -INFINITY};
+    const struct vec3 zero = {0, 0, 0};
+    double extent = 0, largest = 0;
+    bvh->origin = median_corner(bvh);
     for (uint32_t i = 0; i < bvh->count; i++) {
         struct triangle t = bvh_triangle(bvh, i);
-        low.x = fmin(low.x, fmin(fmin(t.a.x, t.b.x), t.c.x));
-        low.y = fmin(low.y, fmin(fmin(t.a.y, t.b.y), t.c.y));
-        low.z = fmin(low.z, fmin(fmin(t.a.z, t.b.z), t.c.z));
-        high.x = fmax(high.x, fmax(fmax(t.a.x, t.b.x), t.c.x));
-        high.y = fmax(high.y, fmax(fmax(t.a.y, t.b.y), t.c.y));
-        high.z = fmax(high.z, fmax(fmax(t.a.z, t.b.z), t.c.z));
+        const struct vec3 *corners[] = {&t.a, &t.b, &t.c};
+        for (unsigned k = 0; k < 3; k++) {
+            extent = farther(extent, corners[k], &bvh->origin);
+            largest = farther(largest, corners[k], &zero);
+        }
     }
-    /* Halves first: the sum of two large coordinates must not overflow. */
-    bvh->origin = vec3_add(vec3_scale(low, 0.5), vec3_scale(high, 0.5));
-    double extent = fmax(fmax(high.x * 0.5 - low.x * 0.5, high.y * 0.5 - low.y * 0.5),
-                         high.z * 0.5 - low.z * 0.5);
     int exponent = 0;
     if (extent > 0)
         frexp(extent, &exponent);
     /* Extents below 2^-500 are as good as a point. */
-    bvh->scale = ldexp(1, exponent < -500 ? 500 : -exponent);
+    bvh->scale = ldexp(1, exponent < -500 ? 500 : -exponent - 1);
+    bvh->slack = largest * bvh->scale * 2 * distance_slack;
 }
 
 static void swap_centres(struct centre *a, struct centre *b)
@@ -138,13 +175,22 @@ static void split(struct centre *centres, size_t count)
     split(centres + first, count - first);
 }
 
-/* The smallest float32 box coordinates that hold the value for certain: |value| <= 1, and a float
- * near 1 is off by 2^-25 at most. */
-static void widen(double value, float *low, float *high)
+/* Float32 box coordinates that the value lies between for certain. */
+static float below(double value, double slack)
 {
-    float below = (float)value - box_slack, above = (float)value + box_slack;
-    *low = below < *low ? below : *low;
-    *high = above > *high ? above : *high;
+    return (float)(value - fabs(value) * value_slack - slack);
+}
+
+static float above(double value, double slack)
+{
+    return (float)(value + fabs(value) * value_slack + slack);
+}
+
+static void widen(double value, double slack, float *low, float *high)
+{
+    float from = below(value, slack), to = above(value, slack);
+    *low = from < *low ? from : *low;
+    *high = to > *high ? to : *high;
 }
 
 static void empty_node(struct bvh_node *node)
@@ -166,9 +212,9 @@ static void bound_triangles(struct bvh *bvh)
         const struct vec3 *corner[3] = {&t.a, &t.b, &t.c};
         for (unsigned k = 0; k < 3; k++) {
             struct vec3 at = vec3_scale(vec3_sub(*corner[k], bvh->origin), bvh->scale);
-            widen(at.x, &node->low[0][place], &node->high[0][place]);
-            widen(at.y, &node->low[1][place], &node->high[1][place]);
-            widen(at.z, &node->low[2][place], &node->high[2][place]);
+            widen(at.x, bvh->slack, &node->low[0][place], &node->high[0][place]);
+            widen(at.y, bvh->slack, &node->low[1][place], &node->high[1][place]);
+            widen(at.z, bvh->slack, &node->low[2][place], &node->high[2][place]);
         }
     }
 }
@@ -271,24 +317,14 @@ static double clamp(double value)
     return value > 0x1p50 ? 0x1p50 : value < -0x1p50 ? -0x1p50 : value;
 }
 
-static float down(double value)
-{
-    float at = (float)clamp(value);
-    return at - box_slack * (1 + fabsf(at));
-}
-
-static float up(double value)
-{
-    float at = (float)clamp(value);
-    return at + box_slack * (1 + fabsf(at));
-}
-
 static struct query query_of(const struct bvh *bvh, struct vec3 low, struct vec3 high)
 {
     struct vec3 from = vec3_scale(vec3_sub(low, bvh->origin), bvh->scale);
     struct vec3 to = vec3_scale(vec3_sub(high, bvh->origin), bvh->scale);
-    return (struct query){{down(from.x), down(from.y), down(from.z)},
-                          {up(to.x), up(to.y), up(to.z)}};
+    double slack = bvh->slack;
+    return (struct query){
+        {below(clamp(from.x), slack), below(clamp(from.y), slack), below(clamp(from.z), slack)},
+        {above(clamp(to.x), slack), above(clamp(to.y), slack), above(clamp(to.z), slack)}};
 }
 
 /* Squared distances between the query's box and the node's eight. */
@@ -298,9 +334,9 @@ static inline void box_distances(const struct bvh_node *restrict node,
     float sum[BVH_WIDTH] = {0};
     for (unsigned k = 0; k < 3; k++) {
         for (unsigned i = 0; i < BVH_WIDTH; i++) {
-            float below = node->low[k][i] - query->high[k];
-            float above = query->low[k] - node->high[k][i];
-            float apart = below > above ? below : above;
+            float left = node->low[k][i] - query->high[k];
+            float right = query->low[k] - node->high[k][i];
+            float apart = left > right ? left : right;
             apart = apart > 0 ? apart : 0;
             sum[i] += apart * apart;
         }

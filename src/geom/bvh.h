@@ -4,7 +4,7 @@
  *
  * Full 8-ary, without pointers: node i of a level has the nodes 8i to 8i+7 of the level below, and
  * node i of the lowest level the triangles order[8i] to order[8i+7]. Boxes are float32, relative to
- * an origin and a power of two, rounded outward. 32 bytes a triangle.
+ * an origin amid the triangles and a power of two, rounded outward. 32 bytes a triangle.
  */
 #ifndef SPBM_GEOM_BVH_H
 #define SPBM_GEOM_BVH_H
@@ -31,6 +31,7 @@ struct bvh {
     uint32_t level_first[BVH_LEVELS_MAX]; /* index of the level's first node */
     struct vec3 origin;
     double scale;            /* box coordinate = (coordinate - origin) * scale, within [-1, 1] */
+    double slack;            /* by so much, in box coordinates, boxes are widened */
     const double *positions; /* borrowed */
     const uint32_t *faces;   /* borrowed; NULL: triangle f has positions[9f] to positions[9f+8] */
 };

@@ -303,6 +303,44 @@ static void tree_finds_the_nearest(void **unused)
     }
 }
 
+static bool count(void *user, uint32_t triangle)
+{
+    (void)triangle;
+    ++*(unsigned *)user;
+    return true;
+}
+
+/* A vertex 1e10 away: boxes of the rest stay apart, so that a search looks at few of them. */
+static void tree_bears_a_stray_vertex(void **unused)
+{
+    (void)unused;
+    struct context ctx;
+    struct mesh mesh;
+    struct bvh tree;
+    uint64_t state = 3;
+    context_init(&ctx);
+    struct shape shape = shape_noisy_sphere(4, 0.02, 1);
+    shape.positions[3 * 17] = 1e10;
+    shape_into_mesh(&ctx, &shape, &mesh);
+    assert_int_equal(bvh_build(&ctx, mesh.positions, mesh.faces, (uint32_t)mesh.face_count, &tree),
+                     STATUS_OK);
+    for (int i = 0; i < 100; i++) {
+        struct vec3 p = vec3_load(mesh.positions + 3 * random_below(&state, mesh.vertex_count));
+        if (p.x > 1e9)
+            continue;
+        struct nearest nearest = {INFINITY, UINT32_MAX, {0, 0, 0}};
+        bvh_nearest(&tree, p, &nearest);
+        assert_true(nearest.distance_squared < 1e-12);
+        unsigned visits = 0;
+        bvh_touching(&tree, p, p, count, &visits);
+        assert_true(visits > 0 && visits < mesh.face_count / 20);
+    }
+    bvh_clear(&ctx, &tree);
+    mesh_clear(&ctx, &mesh);
+    assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+}
+
 static void distance_to_degenerate_triangles(void **unused)
 {
     (void)unused;
@@ -339,6 +377,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(distance_to_degenerate_triangles),
         cmocka_unit_test(tree_finds_the_nearest),
+        cmocka_unit_test(tree_bears_a_stray_vertex),
         cmocka_unit_test(random_pairs),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
