@@ -375,6 +375,28 @@ static enum status refuse(struct output *out, bool injected, const char *verb)
     return fail_errno(out->ctx, injected ? EIO : errno, "%s: cannot %s", out->path, verb);
 }
 
+/* What is written directly may be a file that others put something in before. */
+bool output_can_restart(const struct output *out)
+{
+    struct stat info;
+    const off_t written = (off_t)(out->position - out->used);
+    return out->is_regular ||
+           (fstat(out->fd, &info) == 0 && S_ISREG(info.st_mode) && info.st_size == written &&
+            lseek(out->fd, 0, SEEK_CUR) == written);
+}
+
+enum status output_restart(struct output *out)
+{
+    out->used = 0;
+    out->position = 0;
+    out->crc = 0;
+    bool injected = fault_due(out->ctx);
+    if (injected || ftruncate(out->fd, 0) != 0 ||
+        lseek(out->fd, 0, SEEK_SET) != 0)
+        return refuse(out, injected, "write again");
+    return STATUS_OK;
+}
+
 /* Syncs and closes the file, and sees to it that it has a temporary name. */
 static enum status settle(struct output *out, bool sync)
 {

@@ -44,6 +44,9 @@ enum status output_append(struct output *out, const void *data, size_t size) MUS
 /* Overwrites bytes already appended (regular files only: section tables are filled in late). */
 enum status output_patch(struct output *out, uint64_t position, const void *data,
                          size_t size) MUST_CHECK;
+/* Drops all that was appended. Only where output_can_restart: a file that had nothing in it. */
+bool output_can_restart(const struct output *out);
+enum status output_restart(struct output *out) MUST_CHECK;
 /* Makes the file appear under its name; on failure it is removed. The output is closed either way.
  * `sync`: fsync before the rename, and of the directory after it (outputs that are kept), or not
  * (intermediate files). If only the last of these fails, the whole file stands under its name. */
@@ -87,6 +90,10 @@ enum status spool_append(struct spool *spool, const void *data, size_t size) MUS
 /* Ends the appending. *data is valid until spool_clear, and may be written to (a private change
  * of an in-memory spool, a shared one of a file). `*data` is never NULL, even for size 0. */
 enum status spool_seal(struct spool *spool, void **data) MUST_CHECK;
+/* What is written to the map of a sealed spool from here on stays out of the file (`true`), and is
+ * gone when its pages leave the process, or goes there again (`false`). Not while anybody looks at
+ * it; without effect on a spool in memory. */
+enum status spool_set_private(struct spool *spool, bool is_private) MUST_CHECK;
 /* Gives everything back. Safe on a spool that is all zero, and twice. */
 void spool_clear(struct spool *spool);
 

@@ -23,8 +23,8 @@ enum status memory_take_zeroed(struct context *ctx, size_t count, size_t size,
 enum status memory_resize(struct context *ctx, void *inout, size_t old_count, size_t new_count,
                           size_t size) MUST_CHECK;
 
-/* Tells the system that all of a large block will be used soon: it may give it in large pieces, which
- * saves most of the page faults. Not for vectors that have room to spare. */
+/* Tells the system that all of a large block will be used soon: it may give it in large pieces,
+ * which saves most of the page faults. Not for vectors that have room to spare. */
 void memory_use_whole(void *block, size_t count, size_t size);
 
 /* Releases *inout (which may be NULL) and sets it to NULL. */

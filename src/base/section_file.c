@@ -75,6 +75,13 @@ static enum status pad(struct output *out)
     return output_append(out, zeros, (size_t)(aligned(out->position) - out->position));
 }
 
+static enum status append_header(struct section_writer *writer)
+{
+    unsigned char header[HEADER_SIZE];
+    make_header(header, writer->magic, writer->version);
+    return output_append(&writer->out, header, sizeof header);
+}
+
 enum status section_file_create(struct context *ctx, const char *path, const char magic[8],
                                 uint32_t version, struct section_writer *writer)
 {
@@ -84,13 +91,18 @@ enum status section_file_create(struct context *ctx, const char *path, const cha
         return status;
     memcpy(writer->magic, magic, sizeof writer->magic);
     writer->version = version;
-
-    unsigned char header[HEADER_SIZE];
-    make_header(header, writer->magic, version);
-    status = output_append(&writer->out, header, sizeof header);
+    status = append_header(writer);
     if (status != STATUS_OK)
         output_discard(&writer->out);
     return status;
+}
+
+enum status section_file_restart(struct section_writer *writer)
+{
+    enum status status = output_restart(&writer->out);
+    writer->count = 0;
+    writer->in_section = false;
+    return status == STATUS_OK ? append_header(writer) : status;
 }
 
 enum status section_begin(struct section_writer *writer, uint32_t kind)
@@ -114,14 +126,20 @@ enum status section_begin(struct section_writer *writer, uint32_t kind)
     return STATUS_OK;
 }
 
-enum status section_append(struct section_writer *writer, const void *data, size_t size)
+enum status section_append_summed(struct section_writer *writer, const void *data, size_t size,
+                                  uint32_t crc)
 {
     struct section *section = &writer->table[writer->count];
     if (!writer->in_section)
         return fail(writer->out.ctx, STATUS_INTERNAL, "%s: bytes for no section", writer->out.path);
-    section->crc = checksum(section->crc, data, size);
+    section->crc = checksum_join(section->crc, crc, size);
     section->length += size;
     return output_append(&writer->out, data, size);
+}
+
+enum status section_append(struct section_writer *writer, const void *data, size_t size)
+{
+    return section_append_summed(writer, data, size, checksum(0, data, size));
 }
 
 enum status section_end(struct section_writer *writer)

@@ -42,6 +42,12 @@ enum status section_file_create(struct context *ctx, const char *path, const cha
                                 uint32_t version, struct section_writer *writer) MUST_CHECK;
 enum status section_begin(struct section_writer *writer, uint32_t kind) MUST_CHECK;
 enum status section_append(struct section_writer *writer, const void *data, size_t size) MUST_CHECK;
+/* The same for bytes whose checksum (begun with 0) is known. */
+enum status section_append_summed(struct section_writer *writer, const void *data, size_t size,
+                                  uint32_t crc) MUST_CHECK;
+/* Begins the whole file again, as after section_file_create; where
+ * output_can_restart(&writer->out). */
+enum status section_file_restart(struct section_writer *writer) MUST_CHECK;
 enum status section_end(struct section_writer *writer) MUST_CHECK;
 enum status section_file_finish(struct section_writer *writer, bool sync) MUST_CHECK;
 void section_file_discard(struct section_writer *writer);

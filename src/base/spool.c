@@ -123,6 +123,23 @@ static enum status map_file(struct spool *spool)
     return STATUS_OK;
 }
 
+enum status spool_set_private(struct spool *spool, bool is_private)
+{
+    if (!spool->map)
+        return STATUS_OK;
+    const int flags = is_private ? MAP_PRIVATE | MAP_NORESERVE : MAP_SHARED;
+    void *map = MAP_FAILED;
+    if (fault_due(spool->ctx))
+        errno = ENOMEM;
+    else
+        map = mmap(spool->map, (size_t)spool->size, PROT_READ | PROT_WRITE, flags | MAP_FIXED,
+                   spool->fd, 0);
+    if (map == MAP_FAILED)
+        return fail_errno(spool->ctx, errno, "cannot map %s", spool_name);
+    (void)madvise(map, (size_t)spool->size, MADV_NOHUGEPAGE);
+    return STATUS_OK;
+}
+
 enum status spool_seal(struct spool *spool, void **data)
 {
     *data = NULL;

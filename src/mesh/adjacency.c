@@ -10,8 +10,8 @@
  *
  * An edge can have faces in several slabs only if both its ends are shared between slabs. All sides
  * of such edges, some per cent of all, are sorted by their ends, and what stands together is
- * matched. Where neighbours are not in memory, what was matched is sorted once more, by face, and
- * entered in one sweep. Edges of more than two faces are opened on all sides, for separate.c.
+ * matched. What was matched is sorted once more, by face, and becomes the draft's seams. Edges of
+ * more than two faces are opened on all sides, for separate.c.
  */
 #include "mesh/adjacency.h"
 
@@ -24,17 +24,8 @@
 
 #define CROWDED (UINT32_MAX - 1) /* in neighbours[] of a slab in work: more than two faces */
 
-enum {
-    STEP_LIMIT = 12, /* list steps an edge before a slab is matched by sorting; scans take 1 or 2 */
-    ALL_SHARED = 4 /* with the edge, in a record of the join: all corners of the face are shared */
-};
-
-/* What the join found for an edge, when it can't be entered at once. */
-struct entry {
-    uint64_t key; /* face << 2 | edge */
-    uint32_t over;
-    uint32_t mate;
-};
+/* List steps an edge before a slab is matched by sorting; scans take 1 or 2. */
+enum { STEP_LIMIT = 12 };
 
 struct filed_edge {
     uint32_t other;  /* the end it is not filed under */
@@ -72,8 +63,10 @@ struct build {
     struct found *found;
     unsigned in_flight;
     struct sorter *joint;
-    struct sorter *entries; /* NULL: neighbours are in memory */
-    struct sorter *twins;   /* faces to be looked at once all is joined, as 8-byte keys */
+    struct sorter *seams; /* struct seam */
+    struct sorter *twins; /* faces to be looked at once all is joined, as 8-byte keys */
+    struct seam last;     /* before the one at hand; */
+    unsigned alike;       /* so many with it are of one face and one neighbour */
 };
 
 /* ---- a slab ---- */
@@ -277,7 +270,6 @@ static enum status collect(const struct build *build, const struct slab_edges *s
             if (shared >> k & shared >> next3(k) & 1) {
                 if (over[k] == NO_INDEX)
                     found->crossing++;
-                record.edge |= shared == 7 ? ALL_SHARED : 0;
                 status = append_edge(draft->ctx, &found->joint, &found->joint_count,
                                      &found->joint_capacity, record);
             } else if (over[k] == CROWDED) {
@@ -364,38 +356,25 @@ struct edge_group { /* the sides of one edge, as they come out of the sort */
 /* Edge k of f has edge m of g over it (NO_INDEX: nothing); the other way round is another call. */
 static enum status enter(struct build *build, uint32_t f, unsigned k, uint32_t g, unsigned m)
 {
-    struct draft *draft = build->draft;
-    if (build->entries) {
-        const struct entry entry = {code_of(f, k), g, m};
-        return sorter_add(build->entries, &entry, 1);
-    }
-    draft->neighbours[3 * (size_t)f + k] = g;
-    mate_set(draft->mates, f, k, m);
-    return STATUS_OK;
+    const struct seam seam = {code_of(f, k), g, m};
+    return sorter_add(build->seams, &seam, 1);
 }
 
 static enum status end_group(struct build *build, const struct edge_group *group)
 {
-    if (group->count != 2)
-        return STATUS_OK;
     const struct edge_record *a = &group->first, *b = &group->second;
-    enum status status = enter(build, a->face, a->edge & 3, b->face, b->edge & 3);
-    if (status == STATUS_OK)
-        status = enter(build, b->face, b->edge & 3, a->face, a->edge & 3);
-    unsigned shift = build->draft->slab_shift;
-    if (status != STATUS_OK || a->face >> shift == b->face >> shift)
-        return status;
-    /* A twin in another slab shows only once all its edges are joined: to be looked at then. */
-    const struct edge_record *later = a->face > b->face ? a : b;
-    return later->edge & ALL_SHARED ? add_twin(build, later->face) : STATUS_OK;
+    const unsigned shift = build->draft->slab_shift;
+    if (group->count != 2 || a->face >> shift == b->face >> shift) /* matched in the slab */
+        return STATUS_OK;
+    enum status status = enter(build, a->face, a->edge, b->face, b->edge);
+    return status == STATUS_OK ? enter(build, b->face, b->edge, a->face, a->edge) : status;
 }
 
 static enum status open_side(struct build *build, const struct edge_record *side)
 {
-    struct edge_record cut = *side;
-    cut.edge &= 3;
-    enum status status = enter(build, cut.face, cut.edge, NO_INDEX, 0);
-    return status == STATUS_OK ? spool_append(&build->result->cut_spool, &cut, sizeof cut) : status;
+    enum status status = enter(build, side->face, side->edge, NO_INDEX, 0);
+    return status == STATUS_OK ? spool_append(&build->result->cut_spool, side, sizeof *side)
+                               : status;
 }
 
 static enum status add_to_group(struct build *build, struct edge_group *group,
@@ -423,41 +402,45 @@ static enum status add_to_group(struct build *build, struct edge_group *group,
     return status;
 }
 
-/* What was found, face by face. */
-static enum status enter_all(struct build *build)
+/* A twin in another slab is over all three edges, which come one after the other. */
+static enum status watch_twins(struct build *build, const struct seam *seam)
 {
-    struct draft *draft = build->draft;
-    uint64_t last_slab = 0;
-    enum status status = sorter_finish(build->entries);
+    const bool goes_on =
+        build->alike && seam->key >> 2 == build->last.key >> 2 && seam->over == build->last.over;
+    build->alike = goes_on ? build->alike + 1 : 1;
+    build->last = *seam;
+    return build->alike == 3 && seam->over < seam->key >> 2
+               ? add_twin(build, (uint32_t)(seam->key >> 2))
+               : STATUS_OK;
+}
+
+/* What was found, face by face. */
+static enum status take_seams(struct build *build)
+{
+    enum status status = sorter_finish(build->seams);
     while (status == STATUS_OK) {
         const void *data;
         size_t count;
-        status = sorter_next(build->entries, &data, &count);
+        status = sorter_next(build->seams, &data, &count);
         if (status != STATUS_OK || count == 0)
             break;
-        const struct entry *entries = data;
-        for (size_t i = 0; i < count; i++) {
-            const uint64_t face = entries[i].key >> 2;
-            const unsigned edge = entries[i].key & 3;
-            if (face >> draft->slab_shift != last_slab)
-                draft_forget_slab(draft, last_slab);
-            last_slab = face >> draft->slab_shift;
-            draft->neighbours[3 * face + edge] = entries[i].over;
-            mate_set(draft->mates, face, edge, entries[i].mate);
-        }
+        const struct seam *seams = data;
+        for (size_t i = 0; i < count && status == STATUS_OK; i++)
+            status = watch_twins(build, &seams[i]);
+        if (status == STATUS_OK)
+            status = draft_add_seams(build->draft, seams, count);
     }
-    draft_forget_slab(draft, last_slab);
-    sorter_close(&build->entries);
-    return status;
+    sorter_close(&build->seams);
+    return status == STATUS_OK ? draft_end_seams(build->draft) : status;
 }
 
 static enum status join_slabs(struct build *build)
 {
     struct draft *draft = build->draft;
     enum status status = sorter_finish(build->joint);
-    if (status == STATUS_OK && draft->neighbour_spool.map)
-        status = sorter_open(draft->ctx, sizeof(struct entry), 8, room_left(&draft->room) / 2,
-                             draft->room.beside, &build->entries);
+    if (status == STATUS_OK)
+        status = sorter_open(draft->ctx, sizeof(struct seam), 8, room_left(&draft->room) / 2,
+                             draft->room.beside, &build->seams);
     struct edge_group group = {.count = 0};
     while (status == STATUS_OK) {
         const void *data;
@@ -472,7 +455,7 @@ static enum status join_slabs(struct build *build)
     if (status == STATUS_OK)
         status = end_group(build, &group);
     sorter_close(&build->joint);
-    return status == STATUS_OK && build->entries ? enter_all(build) : status;
+    return status == STATUS_OK ? take_seams(build) : status;
 }
 
 /* ---- duplicate faces ---- */
@@ -504,7 +487,9 @@ static enum status mark_twins(struct build *build)
             break;
         const uint64_t *twins = data;
         for (size_t i = 0; i < count && status == STATUS_OK; i++) {
-            const uint32_t *over = draft->neighbours + 3 * twins[i];
+            uint32_t over[3];
+            for (unsigned k = 0; k < 3; k++)
+                over[k] = draft_neighbour(draft, twins[i], k);
             if (over[0] == over[1] && over[1] == over[2] && over[0] != NO_INDEX)
                 status = mark_duplicate(build, (uint32_t)twins[i]);
             if (twins[i] >> draft->slab_shift != last_slab)
@@ -672,7 +657,7 @@ static void release(struct build *build)
     }
     memory_release(ctx, &build->found, build->in_flight, sizeof *build->found);
     sorter_close(&build->joint);
-    sorter_close(&build->entries);
+    sorter_close(&build->seams);
     sorter_close(&build->twins);
 }
 

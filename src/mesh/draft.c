@@ -19,6 +19,7 @@ void draft_init(struct context *ctx, struct draft *draft, const char *beside, un
 
 void draft_release_slabs(struct draft *draft)
 {
+    draft_drop_seams(draft);
     memory_release(draft->ctx, &draft->vertex_first, (size_t)draft->slab_count + 1, 4);
     memory_release(draft->ctx, &draft->shared, draft->shared_size, 1);
     draft->slab_count = 0;
@@ -29,6 +30,7 @@ void draft_forget_adjacency(struct draft *draft)
 {
     spool_clear(&draft->neighbour_spool);
     spool_clear(&draft->mate_spool);
+    draft_drop_seams(draft);
     draft->neighbours = NULL;
     draft->mates = NULL;
 }
@@ -51,6 +53,7 @@ enum status draft_adopt_faces(struct draft *draft, struct spool *faces)
     enum status status = spool_seal(faces, &data);
     if (status != STATUS_OK)
         return status;
+    spool_jumps(faces);
     draft->face_spool = *faces;
     memset(faces, 0, sizeof *faces);
     draft->faces = data;
@@ -66,6 +69,14 @@ void draft_forget_slab(const struct draft *draft, uint64_t slab)
     spool_forget(&draft->face_spool, slab * faces * 12, faces * 12);
     spool_forget(&draft->neighbour_spool, slab * faces * 12, faces * 12);
     spool_forget(&draft->mate_spool, slab * faces, faces);
+}
+
+void draft_expect_slab(const struct draft *draft, uint64_t slab)
+{
+    const uint64_t faces = (uint64_t)1 << draft->slab_shift;
+    spool_expect(&draft->face_spool, slab * faces * 12, faces * 12);
+    spool_expect(&draft->neighbour_spool, slab * faces * 12, faces * 12);
+    spool_expect(&draft->mate_spool, slab * faces, faces);
 }
 
 void draft_forget_all(const struct draft *draft)
@@ -89,6 +100,7 @@ static void move_faces(struct draft *draft, uint64_t to, uint64_t from, uint64_t
         *moved += count;
         if (*moved >= FORGET_EVERY) {
             spool_forget_all(&draft->face_spool);
+            spool_expect(&draft->face_spool, from * 12, SWEEP_AHEAD);
             *moved = 0;
         }
     }
@@ -221,6 +233,8 @@ enum status scope_enter(struct draft *draft, uint32_t slab, struct slab_scope *s
     scope->face_count = (uint32_t)(left < full ? left : full);
     scope->vertex_first = draft->vertex_first[slab];
     scope->own_count = draft->vertex_first[slab + 1] - scope->vertex_first;
+
+    spool_expect(&draft->face_spool, first * 12, (uint64_t)scope->face_count * 12);
 
     /* Nearly all runs of corners have none, which vector instructions tell at once. */
     const uint32_t *corners = draft->faces + 3 * first;

@@ -9,7 +9,8 @@
  *       [vertex_first[s], vertex_first[s+1]);
  *   D3  is_shared(v) holds for exactly the vertices that more than one slab uses;
  *   D4  if neighbours[] is there, it is symmetric: the face over edge k of f names f as the face
- *       over its edge mate(f, k).
+ *       over its edge mate(f, k). As long as `seams` is not NULL that holds for a slab from
+ *       draft_enter_slab to draft_forget_slab.
  * An edge is named by its face and the corner that it starts at (corner.h). A *code* is
  * face << 2 | corner in 64 bits.
  */
@@ -24,6 +25,13 @@
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__,
                "arrays of the store are written as they lie in memory");
 
+/* Edge key & 3 of face key >> 2 has the edge `mate` of the face `over` over it, in another slab. */
+struct seam {
+    uint64_t key;
+    uint32_t over;
+    uint32_t mate;
+};
+
 struct draft {
     struct context *ctx;
     struct room room;
@@ -36,12 +44,15 @@ struct draft {
     struct spool mate_spool;
     struct spool position_spool;
     struct spool record_spool;
-    uint32_t *faces;        /* 3 a face */
-    uint32_t *neighbours;   /* 3 a face, NO_INDEX at a border; NULL before adjacency_build */
-    uint8_t *mates;         /* bits 2k, 2k+1: the neighbour's edge; NULL before adjacency_build */
-    bool is_float32;        /* positions are floats, else doubles */
-    void *positions;        /* 3 a vertex, as the input has them */
-    unsigned char *records; /* record_size bytes a vertex; NULL: no attributes */
+    uint32_t *faces;      /* 3 a face */
+    uint32_t *neighbours; /* 3 a face, NO_INDEX at a border; NULL before adjacency_build */
+    uint8_t *mates;       /* bits 2k, 2k+1: the neighbour's edge; NULL before adjacency_build */
+    struct spool seam_spool;
+    const struct seam *seams; /* by key: what neighbours and mates lack; NULL: nothing */
+    uint64_t *seam_first;     /* slab_count + 1 */
+    bool is_float32;          /* positions are floats, else doubles */
+    void *positions;          /* 3 a vertex, as the input has them */
+    unsigned char *records;   /* record_size bytes a vertex; NULL: no attributes */
     uint32_t record_size;
     unsigned char *shared; /* a bit a vertex, always in memory */
     size_t shared_size;
@@ -136,7 +147,29 @@ static inline uint64_t code_of(uint32_t face, unsigned corner)
 
 /* Faces, neighbours and mates of a slab leave the process (room.h). */
 void draft_forget_slab(const struct draft *draft, uint64_t slab);
-/* The same of all slabs. */
+/* They will be looked at soon. */
+void draft_expect_slab(const struct draft *draft, uint64_t slab);
+
+/*
+ * Seams: what is known of edges between slabs is known last. Where neighbours are in memory it is
+ * entered at once. Where they are in a file, that would be one more pass of reading and writing all
+ * of them; so it is kept beside them, and entered, for the process alone, in each slab that is
+ * looked at.
+ */
+
+/* Takes the next seams, in ascending order of keys; draft_end_seams ends the taking. */
+enum status draft_add_seams(struct draft *draft, const struct seam *seams, size_t count) MUST_CHECK;
+enum status draft_end_seams(struct draft *draft) MUST_CHECK;
+/* Neighbours and mates of the slab are expected and whole until draft_forget_slab. */
+void draft_enter_slab(const struct draft *draft, uint64_t slab);
+/* Forgets them. */
+void draft_drop_seams(struct draft *draft);
+/* Those of all slabs, for good. */
+enum status draft_settle_seams(struct draft *draft) MUST_CHECK;
+/* Neighbour of a face, from any slab: the seams are looked up. */
+uint32_t draft_neighbour(const struct draft *draft, uint64_t face, unsigned edge);
+
+/* Those of all slabs leave. */
 void draft_forget_all(const struct draft *draft);
 
 /* ---- one slab of a draft, as a worker sees it ---- */

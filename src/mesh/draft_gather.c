@@ -63,7 +63,7 @@ static enum status gather_now(struct gathering *g, bool *is_done)
     for (; v < g->next_count && status == STATUS_OK && !lookup_is_scattered(&g->lookup); v++) {
         status = put(g, lookup_now(&g->lookup, old_vertex(g, v)));
         if (v % FORGET_EVERY == 0)
-            spool_forget(g->id_spool, 0, v * 4);
+            spool_pass(g->id_spool, v * 4);
     }
     *is_done = v == g->next_count;
     return status;
@@ -76,7 +76,7 @@ static enum status gather_by_buckets(struct gathering *g)
     for (uint64_t v = 0; v < g->next_count && status == STATUS_OK; v++) {
         status = lookup_ask(&g->lookup, old_vertex(g, v));
         if (v % FORGET_EVERY == 0)
-            spool_forget(g->id_spool, 0, v * 4);
+            spool_pass(g->id_spool, v * 4);
     }
     if (status == STATUS_OK)
         status = lookup_answer(&g->lookup);
@@ -85,7 +85,7 @@ static enum status gather_by_buckets(struct gathering *g)
         if (status == STATUS_OK)
             status = put(g, element);
         if (v % FORGET_EVERY == 0)
-            spool_forget(g->id_spool, 0, v * 4);
+            spool_pass(g->id_spool, v * 4);
     }
     return status;
 }
@@ -116,6 +116,7 @@ static enum status gather_array(struct gathering *g, struct spool *spool, void *
         status = spool_seal(&g->to, result);
     if (status == STATUS_OK) {
         spool_clear(spool);
+        spool_jumps(&g->to);
         *spool = g->to;
         memset(&g->to, 0, sizeof g->to);
     }
@@ -165,14 +166,14 @@ static enum status map_by_buckets(struct draft *draft, struct lookup *lookup, ui
     for (uint64_t c = first; c < 3 * draft->face_count && status == STATUS_OK; c++) {
         status = lookup_ask(lookup, draft->faces[c]);
         if (c % FORGET_EVERY == 0)
-            spool_forget(&draft->face_spool, 0, c * 4);
+            spool_pass(&draft->face_spool, c * 4);
     }
     if (status == STATUS_OK)
         status = lookup_answer(lookup);
     for (uint64_t c = first; c < 3 * draft->face_count && status == STATUS_OK; c++) {
         status = lookup_next(lookup, draft->faces[c], &draft->faces[c]);
         if (c % FORGET_EVERY == 0)
-            spool_forget(&draft->face_spool, 0, c * 4);
+            spool_pass(&draft->face_spool, c * 4);
     }
     return status;
 }
@@ -187,7 +188,7 @@ enum status draft_map_corners(struct draft *draft, const struct spool *spool, co
         const uint32_t *found = lookup_now(&lookup, draft->faces[c]);
         draft->faces[c] = *found;
         if (c % FORGET_EVERY == 0)
-            spool_forget(&draft->face_spool, 0, c * 4);
+            spool_pass(&draft->face_spool, c * 4);
     }
     if (status == STATUS_OK && c < 3 * draft->face_count)
         status = map_by_buckets(draft, &lookup, c);

@@ -75,6 +75,7 @@ static enum status begin_slab(struct numbering *n, uint64_t kept, uint64_t read)
     const uint64_t slab = (uint64_t)1 << draft->slab_shift;
     uint64_t from = kept > slab ? kept - slab : 0;
     spool_forget(&draft->face_spool, from * 12, (read - from) * 12);
+    spool_expect(&draft->face_spool, read * 12, slab * 12 + SWEEP_AHEAD);
     n->slab_first = n->next;
     draft->vertex_first[kept >> draft->slab_shift] = n->next;
     return step(draft->ctx, "import: number", read, draft->face_count);
@@ -149,7 +150,7 @@ static enum status take_back(struct numbering *n)
         visit(&visits, (uint64_t)draft->faces[c] * 4);
         draft->faces[c] = id_of[draft->faces[c]];
         if (c % FORGET_EVERY == 0)
-            spool_forget(&draft->face_spool, 0, c * 4);
+            spool_pass(&draft->face_spool, c * 4);
     }
     visits_end(&visits);
     spool_clear(&n->id_spool);
@@ -196,7 +197,7 @@ static enum status ask_all(struct numbering *n)
         memcpy(faces + 3 * kept, face, sizeof face);
         kept++;
         if (f % FORGET_EVERY == 0)
-            spool_forget(&draft->face_spool, 0, f * 12);
+            spool_pass(&draft->face_spool, f * 12);
     }
     n->read = draft->face_count;
     n->kept = kept;
@@ -284,7 +285,7 @@ static enum status for_all_corners(struct numbering *n, bool cuts_slabs,
         if ((f & mask) == 0 && cuts_slabs)
             status = begin_slab(n, f, f);
         else if (f % FORGET_EVERY == 0)
-            spool_forget(&draft->face_spool, 0, f * 12);
+            spool_pass(&draft->face_spool, f * 12);
         for (int k = 0; k < 3 && status == STATUS_OK; k++)
             status = visit_corner(n, &draft->faces[3 * f + (uint64_t)k]);
     }
@@ -458,6 +459,8 @@ enum status draft_number(struct draft *draft, uint64_t base_count, const struct 
         status = spool_append(&n->id_spool, n->ids, n->id_used * sizeof *n->ids);
     if (status == STATUS_OK && !n->is_identity)
         status = spool_seal(&n->id_spool, &ids);
+    if (ids)
+        spool_jumps(&n->id_spool);
     if (ids)
         status = draft_gather(draft, &n->id_spool, ids, n->next, base_count, copy_spool, copy_of);
     spool_clear(&n->id_spool);

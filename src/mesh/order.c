@@ -63,6 +63,8 @@ static enum status fill_cells(void *user, uint64_t job, unsigned worker)
     (void)worker;
     struct ordering *o = user;
     uint64_t first = o->draft->vertex_first[job], end = o->draft->vertex_first[job + 1];
+    const uint64_t size = draft_position_size(o->draft);
+    spool_expect(&o->draft->position_spool, first * size, (end - first) * size);
     for (uint64_t v = first; v < end; v++) {
         double p[3];
         draft_position(o->draft, v, p);
@@ -109,6 +111,7 @@ static enum status make_keys(void *user, uint64_t job, unsigned worker)
     const struct draft *draft = o->draft;
     uint64_t first = job << draft->slab_shift, end = slab_end(draft, job);
     uint64_t *keys = o->keys[job % o->in_flight];
+    spool_expect(&draft->face_spool, first * 12, (end - first) * 12);
     for (uint64_t f = first; f < end; f++) {
         const uint32_t *face = draft->faces + 3 * f;
         keys[f - first] = key_of(o, f, o->cells[face[0]] + o->cells[face[1]] + o->cells[face[2]]);
@@ -187,7 +190,7 @@ static enum status walk_faces(struct ordering *o, struct lookup *lookup, enum as
             status = add_keys(o, first, keys, count);
         first += count;
         if (first % FORGET_EVERY < BATCH) {
-            spool_forget(&draft->face_spool, 0, first * 12);
+            spool_pass(&draft->face_spool, first * 12);
             if (status == STATUS_OK)
                 status = step(draft->ctx, "import: order", first, draft->face_count);
         }

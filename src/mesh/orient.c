@@ -157,8 +157,10 @@ static void cut_twisted(struct draft *draft, struct orient_counts *counts)
             if (counts->cut++ % FORGET_FACES == 0)
                 draft_forget_all(draft);
         }
-        if (f % FORGET_EVERY == 0)
+        if (f % FORGET_EVERY == 0) {
             draft_forget_all(draft);
+            draft_expect_slab(draft, f >> draft->slab_shift);
+        }
     }
     draft_forget_all(draft);
 }
@@ -172,6 +174,7 @@ static enum status turn_slab(void *user, uint64_t job, unsigned worker)
     struct turning *t = user;
     struct draft *draft = t->draft;
     uint64_t first = job << draft->slab_shift;
+    draft_expect_slab(draft, job);
     uint64_t end = first + ((uint64_t)1 << draft->slab_shift);
     if (end > draft->face_count)
         end = draft->face_count;

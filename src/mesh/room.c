@@ -7,6 +7,10 @@
  * aligned block of 64 KiB, and since Linux 6.18 all that was written by one call, for which spools
  * are written in pieces of that size. So a byte a block is all the book-keeping.
  *
+ * What the system reads ahead of its own accord may be megabytes round each fault, most of which is
+ * dropped again before it is looked at where memory is short. So a draft's maps are marked as read
+ * at random, and what is to be read at once is said: what a sweep comes to next, a slab, a block.
+ *
  * The maps are shared maps of files without names, so that MADV_DONTNEED only takes pages out of
  * the process's page tables: what was written stays in the file's pages, which the system may write
  * out and drop as it likes.
@@ -99,8 +103,10 @@ enum status room_scratch(const struct room *room, struct spool *spool, uint64_t 
     void *bytes;
     enum status status = spool_scratch(room->ctx, spool, room->beside,
                                        room_fits(room, size) ? size : 0, size, &bytes);
-    if (status == STATUS_OK)
+    if (status == STATUS_OK) {
+        spool_jumps(spool);
         memcpy(data, &bytes, sizeof bytes);
+    }
     return status;
 }
 
@@ -121,6 +127,20 @@ void spool_jumps(const struct spool *spool)
 {
     if (spool->map)
         (void)madvise(spool->map, (size_t)spool->size, MADV_RANDOM);
+}
+
+void spool_expect(const struct spool *spool, uint64_t offset, uint64_t size)
+{
+    enum { CALL = 1 << 20 }; /* more than the system's own limit in one call is not read */
+    if (!spool->map || offset >= spool->size)
+        return;
+    const uint64_t page = (uint64_t)sysconf(_SC_PAGESIZE);
+    const uint64_t end = size < spool->size - offset ? offset + size : spool->size;
+    for (offset = offset / page * page; offset < end; offset += CALL) {
+        const uint64_t left = end - offset;
+        (void)madvise((char *)spool->map + offset, (size_t)(left < CALL ? left : CALL),
+                      MADV_WILLNEED);
+    }
 }
 
 enum status visits_begin(const struct room *room, struct visits *visits, const struct spool *spool,
@@ -156,6 +176,9 @@ void visits_first(struct visits *visits, uint64_t block)
             visits->epoch = 1;
         }
     }
+    const uint64_t begin = block << visits->block_shift;
+    const uint64_t size = (uint64_t)1 << visits->block_shift;
+    spool_expect(visits->spool, begin > visits->first ? begin - visits->first : 0, size);
     visits->seen[block] = visits->epoch;
     visits->resident++;
     visits->total++;

@@ -66,12 +66,24 @@ static inline void spool_forget_all(const struct spool *spool)
     spool_forget(spool, 0, spool->size);
 }
 
-/* A look at a page reads no others: for scratch that is looked at in any order while it is still
- * empty, which would fill it with zeros from a file far ahead. */
+/* A look at a page of it reads no others from now on; what is to be read at once is expected. */
 void spool_jumps(const struct spool *spool);
 
+/* The pages of [offset, offset + size) will be looked at soon: the system begins to read what of
+ * them it does not hold. */
+void spool_expect(const struct spool *spool, uint64_t offset, uint64_t size);
+
+/* A sweep from the front has come to `offset`: what is behind leaves, what comes next is expected.
+ */
+enum { SWEEP_AHEAD = 4 << 20 };
+static inline void spool_pass(const struct spool *spool, uint64_t offset)
+{
+    spool_forget(spool, 0, offset);
+    spool_expect(spool, offset, SWEEP_AHEAD);
+}
+
 /* Elements of a long sweep between two calls. */
-enum { FORGET_EVERY = 1 << 18 };
+enum { FORGET_EVERY = 1 << 17 };
 
 /*
  * Looking at places of a spool in any order: the blocks that have become resident are counted, and

@@ -33,7 +33,7 @@ enum status frame_find(const struct draft *draft, struct frame *frame)
         draft_position(draft, v, p);
         widen(frame, p);
         if (v % FORGET_EVERY == 0)
-            spool_forget_all(&draft->position_spool);
+            spool_pass(&draft->position_spool, v * draft_position_size(draft));
     }
     spool_forget_all(&draft->position_spool);
     double extent = 0;

@@ -134,6 +134,8 @@ static enum status take_over(struct build *build)
     draft->record_spool = ingest->record_spool;
     memset(&ingest->position_spool, 0, sizeof ingest->position_spool);
     memset(&ingest->record_spool, 0, sizeof ingest->record_spool);
+    spool_jumps(&draft->position_spool);
+    spool_jumps(&draft->record_spool);
     return draft_adopt_faces(draft, &ingest->face_spool);
 }
 
@@ -213,45 +215,34 @@ static enum status mend_orientation(struct build *build, struct survey *survey)
     return status;
 }
 
-/* Until the survey finds a manifold that is oriented; its topology is then that of the store. */
-static enum status mend(struct build *build, struct adjacency *adjacency)
+/* One step towards a manifold that is oriented; `cut` lists what the matching opened. */
+static enum status mend_once(struct build *build, struct survey *survey, struct adjacency *cut)
 {
     struct cleaning *cleaning = &build->info.cleaning;
-    cleaning->nonmanifold_edges = adjacency->cut_edges;
-    enum status status = STATUS_OK;
-    for (int round = 0; round < MENDING_ROUNDS && status == STATUS_OK; round++) {
-        struct survey survey;
-        uint64_t split = 0;
-        status = survey_draft(&build->draft, &survey);
-        if (status != STATUS_OK)
-            return status;
-        const bool is_clean = survey.fan_count == 0 && !survey.is_turned;
-        build->info.topology = survey.topology;
-        if (survey.fan_count) {
-            /* Sides are to be joined again only where the separating found them. */
-            struct adjacency *cut = round == 0 ? adjacency : NULL;
-            status = separate_fans(&build->draft, &survey, cut, &split, &cleaning->vertices_added);
-            if (round == 0)
-                cleaning->nonmanifold_vertices = split;
-        } else if (survey.is_turned) {
-            status = mend_orientation(build, &survey);
-        }
-        survey_clear(&survey);
-        if (is_clean)
-            return status;
-    }
-    if (status == STATUS_OK)
-        status = fail(build->ctx, STATUS_INTERNAL, "mending the mesh does not end");
+    uint64_t split = 0;
+    if (!survey->fan_count)
+        return mend_orientation(build, survey);
+    /* Sides are to be joined again only where the separating found them. */
+    enum status status =
+        separate_fans(&build->draft, survey, cut, &split, &cleaning->vertices_added);
+    if (cut)
+        cleaning->nonmanifold_vertices = split;
     return status;
 }
 
-static enum status clean(struct build *build)
+/* Until the survey finds nothing; its topology is then that of the store. */
+static enum status mend(struct build *build, struct survey *survey, struct adjacency *cut)
 {
-    struct adjacency adjacency = {0};
-    enum status status = match_faces(build, &adjacency);
-    if (status == STATUS_OK)
-        status = mend(build, &adjacency);
-    adjacency_clear(&adjacency);
+    enum status status = draft_settle_seams(&build->draft);
+    for (int round = 0; status == STATUS_OK && !survey_is_clean(survey); round++) {
+        if (round == MENDING_ROUNDS)
+            return fail(build->ctx, STATUS_INTERNAL, "mending the mesh does not end");
+        status = mend_once(build, survey, round == 0 ? cut : NULL);
+        survey_clear(survey);
+        if (status == STATUS_OK)
+            status = survey_draft(&build->draft, survey);
+    }
+    build->info.topology = survey->topology;
     if (status == STATUS_OK && build->info.cleaning.nonorientable_components)
         tell(build->ctx, MESSAGE_WARNING,
              "%llu components are not orientable and were cut along %llu edges",
@@ -275,6 +266,39 @@ static void describe(struct build *build)
     memcpy(info->box_high, build->frame.high, sizeof info->box_high);
 }
 
+static enum status write_store(struct build *build, struct survey *survey)
+{
+    describe(build);
+    return store_write(&build->draft, &build->frame, &build->writer, &build->info, survey);
+}
+
+/*
+ * Where nothing speaks against it, the mesh is taken to be clean, and is written while it is
+ * surveyed: most scans are, and it saves a look at all slabs. If it is not, it is written again
+ * when it has been mended.
+ */
+static enum status clean_and_write(struct build *build)
+{
+    struct adjacency adjacency = {0};
+    struct survey survey = {0};
+    bool is_written = false;
+    enum status status = match_faces(build, &adjacency);
+    build->info.cleaning.nonmanifold_edges = adjacency.cut_edges;
+    if (status == STATUS_OK && adjacency.cut_edges == 0 && output_can_restart(&build->writer.out)) {
+        status = write_store(build, &survey);
+        is_written = status == STATUS_OK && survey_is_clean(&survey);
+        if (status == STATUS_OK && !is_written)
+            status = section_file_restart(&build->writer);
+    } else if (status == STATUS_OK) {
+        status = survey_draft(&build->draft, &survey);
+    }
+    if (status == STATUS_OK && !is_written)
+        status = mend(build, &survey, &adjacency);
+    survey_clear(&survey);
+    adjacency_clear(&adjacency);
+    return status == STATUS_OK && !is_written ? write_store(build, NULL) : status;
+}
+
 static enum status run(struct build *build, const char *store_path)
 {
     for (size_t i = 0; i < build->input_count; i++) {
@@ -291,11 +315,7 @@ static enum status run(struct build *build, const char *store_path)
     if (status == STATUS_OK)
         status = take_faces(build);
     if (status == STATUS_OK)
-        status = clean(build);
-    if (status == STATUS_OK) {
-        describe(build);
-        status = store_write(&build->draft, &build->frame, &build->writer, &build->info);
-    }
+        status = clean_and_write(build);
     if (status == STATUS_OK)
         return section_file_finish(&build->writer, build->options->sync);
     section_file_discard(&build->writer);

@@ -166,6 +166,7 @@ static enum status check_slab(struct check *check, const struct slab *slab,
 {
     const struct draft *draft = &check->draft;
     const size_t first = slab->face_first, count = slab->face_count;
+    draft_enter_slab(draft, slab->index);
     if (memcmp(slab->neighbours, draft->neighbours + 3 * first, 12 * count) != 0 ||
         memcmp(slab->mates, draft->mates + first, count) != 0)
         return store_slab_damaged(check->store, slab->index,

@@ -18,6 +18,7 @@ struct piece {
     const void *data;
     uint64_t size;
     uint64_t offset; /* in the block */
+    uint32_t crc;
 };
 
 struct block { /* a slab in flight */
@@ -42,6 +43,7 @@ struct writing {
     unsigned char *table; /* the entries, encoded */
     struct slab_measures measures;
     uint64_t offset;
+    struct surveying *surveying; /* NULL: it was done before */
 };
 
 static const unsigned char zeros[STORE_PIECE_ALIGN];
@@ -94,14 +96,14 @@ static void lay_out(struct writing *w, struct block *b)
     struct slab_layout *at = &b->layout;
     slab_layout_find(&b->entry, draft->record_size, at);
     struct piece *p = b->pieces;
-    p[0] = (struct piece){draft->faces + 3 * first, 12 * faces, at->faces};
-    p[1] = (struct piece){draft->neighbours + 3 * first, 12 * faces, at->neighbours};
-    p[2] = (struct piece){draft->mates + first, faces, at->mates};
-    p[3] = (struct piece){b->own, 12 * own, at->positions};
-    p[4] = (struct piece){scope->foreign, 4 * foreign, at->foreign};
-    p[5] = (struct piece){b->foreign_positions, 12 * foreign, at->foreign_positions};
+    p[0] = (struct piece){draft->faces + 3 * first, 12 * faces, at->faces, 0};
+    p[1] = (struct piece){draft->neighbours + 3 * first, 12 * faces, at->neighbours, 0};
+    p[2] = (struct piece){draft->mates + first, faces, at->mates, 0};
+    p[3] = (struct piece){b->own, 12 * own, at->positions, 0};
+    p[4] = (struct piece){scope->foreign, 4 * foreign, at->foreign, 0};
+    p[5] = (struct piece){b->foreign_positions, 12 * foreign, at->foreign_positions, 0};
     p[6] = (struct piece){draft->records + scope->vertex_first * (size_t)draft->record_size,
-                          own * draft->record_size, at->records};
+                          own * draft->record_size, at->records, 0};
 }
 
 /* Bytes of padding behind piece i. */
@@ -112,25 +114,36 @@ static size_t gap_behind(const struct block *b, int i)
     return (size_t)(next - end);
 }
 
+static void expect_vertices(const struct draft *draft, uint64_t slab)
+{
+    const uint64_t first = draft->vertex_first[slab], count = draft->vertex_first[slab + 1] - first;
+    const uint64_t size = draft_position_size(draft);
+    spool_expect(&draft->position_spool, first * size, count * size);
+    spool_expect(&draft->record_spool, first * draft->record_size, count * draft->record_size);
+}
+
 static enum status prepare_block(void *user, uint64_t job, unsigned worker)
 {
-    (void)worker;
     struct writing *w = user;
     struct block *b = &w->blocks[job % w->in_flight];
+    draft_enter_slab(w->draft, job);
+    expect_vertices(w->draft, job);
     enum status status = scope_enter(w->draft, (uint32_t)job, &b->scope);
+    if (status == STATUS_OK && w->surveying)
+        status = survey_take(w->surveying, &b->scope, job, worker);
     if (status == STATUS_OK)
         status = gather(w, b);
     if (status != STATUS_OK)
         return status;
     measure_slab(w->draft, &b->scope, b->own, b->foreign_positions, &b->measures);
     lay_out(w, b);
-    uint32_t crc = 0;
+    b->entry.crc = 0;
     for (int i = 0; i < PIECES; i++) {
-        if (b->pieces[i].size)
-            crc = checksum(crc, b->pieces[i].data, (size_t)b->pieces[i].size);
-        crc = checksum(crc, zeros, gap_behind(b, i));
+        struct piece *piece = &b->pieces[i];
+        piece->crc = piece->size ? checksum(0, piece->data, (size_t)piece->size) : 0;
+        b->entry.crc = checksum_join(b->entry.crc, piece->crc, piece->size);
+        b->entry.crc = checksum(b->entry.crc, zeros, gap_behind(b, i));
     }
-    b->entry.crc = crc;
     return STATUS_OK;
 }
 
@@ -144,9 +157,10 @@ static enum status append_block(void *user, uint64_t job)
     b->entry.offset = w->offset;
     w->offset += b->layout.size;
     slab_entry_encode(&b->entry, w->table + job * STORE_SLAB_ENTRY_SIZE);
-    enum status status = STATUS_OK;
+    enum status status = w->surveying ? survey_add(w->surveying, job) : STATUS_OK;
     for (int i = 0; i < PIECES && status == STATUS_OK; i++) {
-        status = section_append(w->writer, b->pieces[i].data, (size_t)b->pieces[i].size);
+        const struct piece *piece = &b->pieces[i];
+        status = section_append_summed(w->writer, piece->data, (size_t)piece->size, piece->crc);
         if (status == STATUS_OK)
             status = section_append(w->writer, zeros, gap_behind(b, i));
     }
@@ -207,8 +221,29 @@ static void release(struct writing *w)
     memory_release(ctx, &w->table, w->draft->slab_count, STORE_SLAB_ENTRY_SIZE);
 }
 
+/* The sections behind the slabs. */
+static enum status write_rest(struct writing *w, struct store_info *info)
+{
+    struct context *ctx = w->draft->ctx;
+    enum status status = write_section(w->writer, STORE_KIND_TABLE, w->table,
+                                       (size_t)w->draft->slab_count * STORE_SLAB_ENTRY_SIZE);
+    if (status == STATUS_OK)
+        status = write_attributes(ctx, &info->attributes, w->writer);
+    if (status == STATUS_OK) {
+        info->mean_edge = measures_mean_edge(&w->measures);
+        info->noise = measures_noise(&w->measures);
+        info->area = w->measures.area;
+        info->cleaning.zero_area_faces = w->measures.zero_area_faces;
+        unsigned char bytes[STORE_INFO_SIZE];
+        store_info_encode(info, bytes);
+        status = write_section(w->writer, STORE_KIND_INFO, bytes, sizeof bytes);
+    }
+    return status;
+}
+
 enum status store_write(struct draft *draft, const struct frame *frame,
-                        struct section_writer *writer, struct store_info *info)
+                        struct section_writer *writer, struct store_info *info,
+                        struct survey *survey)
 {
     struct context *ctx = draft->ctx;
     struct writing w = {
@@ -216,22 +251,17 @@ enum status store_write(struct draft *draft, const struct frame *frame,
     enum status status = memory_take_zeroed(ctx, w.in_flight, sizeof *w.blocks, &w.blocks);
     if (status == STATUS_OK)
         status = memory_take(ctx, draft->slab_count, STORE_SLAB_ENTRY_SIZE, &w.table);
+    if (status == STATUS_OK && survey)
+        status = survey_begin(draft, w.in_flight, survey, &w.surveying);
     if (status == STATUS_OK)
         status = write_slabs(&w);
-    if (status == STATUS_OK)
-        status = write_section(writer, STORE_KIND_TABLE, w.table,
-                               (size_t)draft->slab_count * STORE_SLAB_ENTRY_SIZE);
-    if (status == STATUS_OK)
-        status = write_attributes(ctx, &info->attributes, writer);
-    if (status == STATUS_OK) {
-        info->mean_edge = measures_mean_edge(&w.measures);
-        info->noise = measures_noise(&w.measures);
-        info->area = w.measures.area;
-        info->cleaning.zero_area_faces = w.measures.zero_area_faces;
-        unsigned char bytes[STORE_INFO_SIZE];
-        store_info_encode(info, bytes);
-        status = write_section(writer, STORE_KIND_INFO, bytes, sizeof bytes);
-    }
+    if (status == STATUS_OK && survey)
+        status = survey_end(w.surveying);
+    if (status == STATUS_OK && survey)
+        info->topology = survey->topology;
+    survey_close(&w.surveying);
+    if (status == STATUS_OK && (!survey || survey_is_clean(survey)))
+        status = write_rest(&w, info);
     release(&w);
     return status;
 }

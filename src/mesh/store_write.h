@@ -6,12 +6,18 @@
 
 #include "base/section_file.h"
 #include "mesh/slab_geometry.h"
+#include "mesh/survey.h"
 
 /*
  * Writes all sections. `info` is complete but for what is measured here: mean_edge, noise, area,
  * zero-area faces. The file is not finished.
+ *
+ * With a survey (else NULL) the slabs are surveyed while they are in hand; info->topology is what
+ * that finds. If it is not clean, the slabs were written in vain, and the sections behind them are
+ * left out: the file is to be begun again. survey_clear is due.
  */
 enum status store_write(struct draft *draft, const struct frame *frame,
-                        struct section_writer *writer, struct store_info *info) MUST_CHECK;
+                        struct section_writer *writer, struct store_info *info,
+                        struct survey *survey) MUST_CHECK;
 
 #endif

@@ -17,7 +17,7 @@
 #include "base/memory.h"
 #include "base/parallel.h"
 
-struct work {
+struct surveying {
     struct draft *draft;
     struct survey *survey;
     struct surveyor *surveyors;
@@ -29,6 +29,7 @@ struct work {
     struct rim_fan *rims;
     uint64_t rim_count;
     uint64_t shared_vertices;
+    struct slab_scope *scopes; /* one a worker, where no other loop has them */
 };
 
 /* ---- floor ---- */
@@ -62,17 +63,16 @@ uint64_t component_floor(uint64_t vertices, uint64_t faces, uint64_t borders, ui
 
 /* ---- slab by slab ---- */
 
-static enum status survey_job(void *user, uint64_t job, unsigned worker)
+enum status survey_take(struct surveying *work, const struct slab_scope *scope, uint64_t slab,
+                        unsigned worker)
 {
-    struct work *work = user;
-    return survey_slab(work->draft, (uint32_t)job, &work->surveyors[worker],
-                       &work->parts[job % work->in_flight]);
+    return survey_slab(work->draft, scope, &work->surveyors[worker],
+                       &work->parts[slab % work->in_flight]);
 }
 
 /* Numbers within the slab become numbers of the whole. */
-static enum status finish_part(void *user, uint64_t job)
+enum status survey_add(struct surveying *work, uint64_t job)
 {
-    struct work *work = user;
     struct survey *survey = work->survey;
     struct part *part = &work->parts[job % work->in_flight];
     const uint64_t rim_base = work->rim_count, open_base = survey->open_count;
@@ -112,9 +112,6 @@ static enum status finish_part(void *user, uint64_t job)
         status = sorter_add(work->links, part->links, part->link_count);
     if (status == STATUS_OK)
         status = sorter_add(work->paths, part->paths, part->path_count);
-    draft_forget_slab(work->draft, job);
-    if (status == STATUS_OK)
-        status = step(work->draft->ctx, "import: survey", job, work->draft->slab_count);
     return status;
 }
 
@@ -165,7 +162,7 @@ static void unite_open(struct survey *survey, uint32_t a, uint32_t b, uint32_t t
 }
 
 /* Each edge between slabs gives two half links at each of its ends. */
-static enum status join_links(struct work *work, uint64_t *unions)
+static enum status join_links(struct surveying *work, uint64_t *unions)
 {
     struct survey *survey = work->survey;
     struct half_link first = {0};
@@ -204,7 +201,7 @@ static enum status join_links(struct work *work, uint64_t *unions)
 }
 
 /* The roots at each vertex, by number: all but the first are further fans. */
-static enum status list_rim_fans(struct work *work)
+static enum status list_rim_fans(struct surveying *work)
 {
     struct draft *draft = work->draft;
     struct survey *survey = work->survey;
@@ -262,7 +259,7 @@ static void sum_open(struct survey *survey)
 }
 
 /* Paths become loops by following each to the one that starts where it ends. */
-static enum status join_paths(struct work *work)
+static enum status join_paths(struct surveying *work)
 {
     struct draft *draft = work->draft;
     struct survey *survey = work->survey;
@@ -304,7 +301,7 @@ static enum status join_paths(struct work *work)
     return status;
 }
 
-static enum status join_parts(struct work *work)
+static enum status join_parts(struct surveying *work)
 {
     struct survey *survey = work->survey;
     void *data;
@@ -337,7 +334,7 @@ static enum status join_parts(struct work *work)
 
 /* ---- the whole ---- */
 
-static enum status prepare(struct work *work)
+static enum status prepare(struct surveying *work)
 {
     struct draft *draft = work->draft;
     struct survey *survey = work->survey;
@@ -362,9 +359,12 @@ static enum status prepare(struct work *work)
     return status;
 }
 
-static void release(struct work *work)
+static void release(struct surveying *work)
 {
     struct context *ctx = work->draft->ctx;
+    for (unsigned i = 0; work->scopes && i < ctx->threads; i++)
+        scope_clear(&work->scopes[i]);
+    memory_release(ctx, &work->scopes, ctx->threads, sizeof *work->scopes);
     for (unsigned i = 0; work->surveyors && i < ctx->threads; i++)
         surveyor_clear(ctx, &work->surveyors[i]);
     memory_release(ctx, &work->surveyors, ctx->threads, sizeof *work->surveyors);
@@ -376,28 +376,82 @@ static void release(struct work *work)
     spool_clear(&work->rim_spool);
 }
 
-enum status survey_draft(struct draft *draft, struct survey *survey)
+enum status survey_begin(struct draft *draft, unsigned in_flight, struct survey *survey,
+                         struct surveying **out)
 {
     memset(survey, 0, sizeof *survey);
     survey->ctx = draft->ctx;
-    struct work work = {.draft = draft, .survey = survey, .in_flight = draft->room.in_flight};
-    enum status status = prepare(&work);
-    if (status == STATUS_OK)
-        status = parallel_ordered(draft->ctx, draft->slab_count, work.in_flight, survey_job,
-                                  finish_part, &work);
-    if (status == STATUS_OK)
-        status = join_parts(&work);
-    release(&work);
-    if (status != STATUS_OK) {
-        survey_clear(survey);
+    *out = NULL;
+    struct surveying *work;
+    enum status status = memory_take_zeroed(draft->ctx, 1, sizeof *work, &work);
+    if (status != STATUS_OK)
         return status;
-    }
-    struct topology *t = &survey->topology;
+    work->draft = draft;
+    work->survey = survey;
+    work->in_flight = in_flight;
+    *out = work;
+    return prepare(work);
+}
+
+enum status survey_end(struct surveying *work)
+{
+    enum status status = join_parts(work);
+    struct draft *draft = work->draft;
+    struct topology *t = &work->survey->topology;
     t->vertices = draft->vertex_count;
     t->faces = draft->face_count;
     t->edges = (3 * draft->face_count + t->border_edges) / 2;
     t->euler = (int64_t)t->vertices - (int64_t)t->edges + (int64_t)t->faces;
-    return STATUS_OK;
+    return status;
+}
+
+void survey_close(struct surveying **surveying)
+{
+    struct surveying *work = *surveying;
+    *surveying = NULL;
+    if (!work)
+        return;
+    release(work);
+    memory_release(work->draft->ctx, &work, 1, sizeof *work);
+}
+
+/* ---- a loop of its own ---- */
+
+static enum status survey_job(void *user, uint64_t job, unsigned worker)
+{
+    struct surveying *work = user;
+    struct slab_scope *scope = &work->scopes[worker];
+    draft_enter_slab(work->draft, job);
+    enum status status = scope_enter(work->draft, (uint32_t)job, scope);
+    return status == STATUS_OK ? survey_take(work, scope, job, worker) : status;
+}
+
+static enum status finish_job(void *user, uint64_t job)
+{
+    struct surveying *work = user;
+    struct draft *draft = work->draft;
+    enum status status = survey_add(work, job);
+    draft_forget_slab(draft, job);
+    return status == STATUS_OK ? step(draft->ctx, "import: survey", job, draft->slab_count)
+                               : status;
+}
+
+enum status survey_draft(struct draft *draft, struct survey *survey)
+{
+    struct context *ctx = draft->ctx;
+    struct surveying *work;
+    enum status status = survey_begin(draft, draft->room.in_flight, survey, &work);
+    if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, ctx->threads, sizeof *work->scopes, &work->scopes);
+    if (status == STATUS_OK)
+        status =
+            parallel_ordered(ctx, draft->slab_count, work->in_flight, survey_job, finish_job, work);
+    if (status == STATUS_OK)
+        status = survey_end(work);
+    survey_close(&work);
+    if (status != STATUS_OK)
+        survey_clear(survey);
+    return status;
 }
 
 void survey_clear(struct survey *survey)

@@ -45,6 +45,28 @@ struct survey {
 
 /* Needs D1 to D4. */
 enum status survey_draft(struct draft *draft, struct survey *survey) MUST_CHECK;
+
+/*
+ * The same within another loop over the slabs, that of parallel_ordered: survey_take in its work,
+ * for a slab that has been entered (draft_enter_slab) and whose vertices `scope` has; survey_add in
+ * its finish; survey_end when all have been added. `in_flight` slabs at a time. survey_close in any
+ * case; what survey_begin and survey_end leave in *survey, survey_clear gives back.
+ */
+struct surveying;
+enum status survey_begin(struct draft *draft, unsigned in_flight, struct survey *survey,
+                         struct surveying **out) MUST_CHECK;
+enum status survey_take(struct surveying *surveying, const struct slab_scope *scope, uint64_t slab,
+                        unsigned worker) MUST_CHECK;
+enum status survey_add(struct surveying *surveying, uint64_t slab) MUST_CHECK;
+enum status survey_end(struct surveying *surveying) MUST_CHECK;
+void survey_close(struct surveying **surveying);
+
+/* Whether nothing is left to mend. */
+static inline bool survey_is_clean(const struct survey *survey)
+{
+    return survey->fan_count == 0 && !survey->is_turned;
+}
+
 void survey_clear(struct survey *survey);
 
 /* Root of an open component and, in *turned, its parity relative to it. */

@@ -30,7 +30,7 @@ static enum status add_half_link(const struct draft *draft, const struct surveyo
         return status;
     uint32_t from = draft->faces[3 * (size_t)f + leave];
     uint32_t to = draft->faces[3 * (size_t)f + next3(leave)];
-    uint32_t label = s->components.label[f - s->scope.face_first];
+    uint32_t label = s->components.label[f - s->scope->face_first];
     uint64_t code = f < over ? code_of(f, leave) : code_of(over, mate_of(draft->mates, f, leave));
     part->links[part->link_count++] = (struct half_link){
         .key = code << 1 | (v == (from > to ? from : to)),
@@ -46,7 +46,7 @@ static enum status add_half_link(const struct draft *draft, const struct surveyo
 static bool walk_fan(const struct draft *draft, const struct surveyor *s, uint32_t f, unsigned k,
                      uint32_t end_face[2], unsigned end_edge[2])
 {
-    const uint32_t first = s->scope.face_first, count = s->scope.face_count;
+    const uint32_t first = s->scope->face_first, count = s->scope->face_count;
     const uint32_t v = draft->faces[3 * (size_t)f + k];
     s->visited[f - first] |= (uint8_t)(1u << k);
     for (int side = 0; side < 2; side++) {
@@ -95,7 +95,7 @@ static enum status add_extra_fan(const struct draft *draft, struct part *part, u
 
 static enum status find_fans(const struct draft *draft, struct surveyor *s, struct part *part)
 {
-    const struct slab_scope *scope = &s->scope;
+    const struct slab_scope *scope = s->scope;
     struct component *list = s->components.list;
     uint32_t end_face[2];
     unsigned end_edge[2];
@@ -135,7 +135,7 @@ static enum status find_fans(const struct draft *draft, struct surveyor *s, stru
 
 static enum status collect_borders(const struct draft *draft, struct surveyor *s, size_t count)
 {
-    const struct slab_scope *scope = &s->scope;
+    const struct slab_scope *scope = s->scope;
     const uint32_t locals = scope_local_count(scope);
     enum status status =
         memory_reserve(draft->ctx, &s->borders, &s->border_capacity, count, sizeof *s->borders);
@@ -200,8 +200,8 @@ static enum status find_loops(const struct draft *draft, struct surveyor *s, str
         if (status != STATUS_OK)
             return status;
         part->paths[part->path_count++] =
-            (struct border_path){global_vertex(&s->scope, borders[i].from),
-                                 global_vertex(&s->scope, borders[last].to), open_id};
+            (struct border_path){global_vertex(s->scope, borders[i].from),
+                                 global_vertex(s->scope, borders[last].to), open_id};
     }
     for (size_t i = 0; i < count; i++) {
         if (borders[i].is_used)
@@ -233,7 +233,7 @@ static enum status hand_on_components(const struct draft *draft, const struct su
         if (status != STATUS_OK)
             return status;
         part->open[part->open_count++] =
-            (struct open_component){.lowest_face = s->scope.face_first + c->lowest,
+            (struct open_component){.lowest_face = s->scope->face_first + c->lowest,
                                     .is_twisted = c->is_twisted,
                                     .faces = c->faces,
                                     .turned = c->turned,
@@ -246,20 +246,20 @@ static enum status hand_on_components(const struct draft *draft, const struct su
 
 /* ---- the whole ---- */
 
-enum status survey_slab(struct draft *draft, uint32_t slab, struct surveyor *s, struct part *part)
+enum status survey_slab(const struct draft *draft, const struct slab_scope *scope,
+                        struct surveyor *s, struct part *part)
 {
+    s->scope = scope;
     part->fan_count = part->rim_count = part->link_count = 0;
     part->open_count = part->path_count = 0;
     part->shared_vertices = part->borders = part->loops = part->components = part->floor = 0;
     part->is_turned = false;
-    enum status status = scope_enter(draft, slab, &s->scope);
-    if (status == STATUS_OK)
-        status = components_find(draft, &s->scope, &s->components);
+    enum status status = components_find(draft, scope, &s->components);
     if (status == STATUS_OK)
         status =
-            memory_reserve(draft->ctx, &s->visited, &s->visited_capacity, s->scope.face_count, 1);
+            memory_reserve(draft->ctx, &s->visited, &s->visited_capacity, scope->face_count, 1);
     if (status == STATUS_OK)
-        status = memory_reserve(draft->ctx, &s->seen, &s->seen_capacity, s->scope.own_count, 1);
+        status = memory_reserve(draft->ctx, &s->seen, &s->seen_capacity, scope->own_count, 1);
     if (status == STATUS_OK)
         status = find_fans(draft, s, part);
     if (status == STATUS_OK)
@@ -271,7 +271,6 @@ enum status survey_slab(struct draft *draft, uint32_t slab, struct surveyor *s, 
 
 void surveyor_clear(struct context *ctx, struct surveyor *s)
 {
-    scope_clear(&s->scope);
     components_clear(&s->components);
     memory_release(ctx, &s->visited, s->visited_capacity, 1);
     memory_release(ctx, &s->seen, s->seen_capacity, 1);

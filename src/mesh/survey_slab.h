@@ -36,8 +36,8 @@ struct border_edge { /* in local vertex numbers */
     bool is_used;
 };
 
-struct surveyor { /* one a worker */
-    struct slab_scope scope;
+struct surveyor {                   /* one a worker */
+    const struct slab_scope *scope; /* of the slab in work */
     struct components components;
     uint8_t *visited; /* a bit a corner, a byte a face */
     size_t visited_capacity;
@@ -67,9 +67,10 @@ struct part { /* what a slab hands on */
     bool is_turned;
 };
 
-/* Fills `part` anew; its numbers are those within the slab. */
-enum status survey_slab(struct draft *draft, uint32_t slab, struct surveyor *surveyor,
-                        struct part *part) MUST_CHECK;
+/* Fills `part` anew for the slab that `scope` has entered; its numbers are those within the slab.
+ */
+enum status survey_slab(const struct draft *draft, const struct slab_scope *scope,
+                        struct surveyor *surveyor, struct part *part) MUST_CHECK;
 
 void surveyor_clear(struct context *ctx, struct surveyor *surveyor);
 void part_clear(struct context *ctx, struct part *part);

@@ -61,7 +61,7 @@ static enum status add_floats(struct ingest *ingest, struct sorter *sorter, uint
         }
         status = sorter_add(sorter, batch, count);
         if (v / BATCH % POLL_BATCHES == 0)
-            spool_forget_all(&ingest->position_spool);
+            spool_pass(&ingest->position_spool, v * (ingest->is_float32 ? 12u : 24u));
         if (status == STATUS_OK && v / BATCH % POLL_BATCHES == 0)
             status = step(ingest->ctx, "import: weld", v, ingest->vertex_count);
     }
@@ -88,7 +88,7 @@ static enum status add_doubles(struct ingest *ingest, struct sorter *sorter, uin
         }
         status = sorter_add(sorter, batch, count);
         if (v / BATCH % POLL_BATCHES == 0)
-            spool_forget_all(&ingest->position_spool);
+            spool_pass(&ingest->position_spool, v * (ingest->is_float32 ? 12u : 24u));
         if (status == STATUS_OK && v / BATCH % POLL_BATCHES == 0)
             status = step(ingest->ctx, "import: weld", v, ingest->vertex_count);
     }

@@ -460,24 +460,17 @@ static void zero_area_faces_stay(void **state)
 
 /* ---- determinism ---- */
 
-static void threads_and_budgets_change_no_byte(void **state)
+/* Slabs of 2^shift faces of the mesh in t.ply, by several threads and within several budgets. */
+static void all_runs_agree(unsigned shift)
 {
-    (void)state;
-    struct shape shape = shape_noisy_torus(150, 80, 0.01, 2);
-    for (size_t f = 0; f < 900; f += 7)
-        shape_flip(&shape, f);
-    shape_shuffle(&shape, 6);
-    const char *input = test_path("t.ply");
-    shape_write(&shape, SHAPE_PLY_LITTLE, input);
-    shape_free(&shape);
+    const char *input = test_path("t.ply"), *output = test_path("t.store");
     unsigned char *first = NULL;
     size_t first_size = 0;
-    const char *output = test_path("t.store");
     for (int run = 0; run < 7; run++) {
         struct context ctx;
         context_init(&ctx);
         ctx.threads = run == 0 ? 1 : (unsigned)run + 1;
-        struct import_options options = {.slab_shift = 9};
+        struct import_options options = {.slab_shift = shift};
         if (run == 3)
             ctx.memory_budget = 9 << 20;
         if (run > 3) /* spools and sorts go to disk, tables are read in windows or by buckets */
@@ -497,6 +490,46 @@ static void threads_and_budgets_change_no_byte(void **state)
         context_clear(&ctx);
     }
     free(first);
+    struct context ctx;
+    context_init(&ctx);
+    assert_int_equal(store_check(&ctx, output), STATUS_OK);
+    ctx.memory_budget = 9 << 20;
+    assert_int_equal(store_check(&ctx, output), STATUS_OK);
+    context_clear(&ctx);
+}
+
+static void threads_and_budgets_change_no_byte(void **state)
+{
+    (void)state;
+    struct shape shape = shape_noisy_torus(150, 80, 0.01, 2);
+    for (size_t f = 0; f < 900; f += 7)
+        shape_flip(&shape, f);
+    shape_shuffle(&shape, 6);
+    shape_write(&shape, SHAPE_PLY_LITTLE, test_path("t.ply"));
+    shape_free(&shape);
+    all_runs_agree(9);
+}
+
+/* Slabs of whole pages: what is known of the edges between them is kept beside the neighbours, for
+ * a mesh that is written at once (0), one that has to be turned (1), and one with edges and faces
+ * too many (2), some of them between slabs. */
+static void seams_beside_the_neighbours_change_no_byte(void **state)
+{
+    (void)state;
+    for (int kind = 0; kind < 3; kind++) {
+        struct shape shape = shape_noisy_torus(150, 80, 0.01, 2);
+        const size_t faces = shape.face_count;
+        for (size_t f = 0; f < faces && kind == 1; f += 7)
+            shape_flip(&shape, f);
+        for (uint32_t v = 0; v + 500 < 12000 && kind == 2; v += 40) {
+            shape_triangle(&shape, v, v + 1, v + 500);
+            shape_triangle(&shape, v + 1, v, v + 500);
+            shape_triangle(&shape, v + 1, v, v + 150);
+        }
+        shape_write(&shape, SHAPE_PLY_LITTLE, test_path("t.ply"));
+        shape_free(&shape);
+        all_runs_agree(12);
+    }
 }
 
 static void too_little_memory_is_refused_at_once(void **state)
@@ -543,6 +576,7 @@ int main(void)
         cmocka_unit_test(measures_of_a_known_mesh),
         cmocka_unit_test(zero_area_faces_stay),
         cmocka_unit_test(threads_and_budgets_change_no_byte),
+        cmocka_unit_test(seams_beside_the_neighbours_change_no_byte),
         cmocka_unit_test(too_little_memory_is_refused_at_once),
         cmocka_unit_test(a_store_takes_at_most_72_bytes_a_vertex),
     };
