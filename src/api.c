@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "api_internal.h"
+#include "base/memory.h"
 #include "base/file.h"
 #include "mesh/export.h"
 
@@ -157,11 +158,13 @@ struct context *call_begin(spbm_job *job)
 {
     failure_forget(&job->ctx);
     budget_begin(&job->ctx, job_memory(job), job->settings.threads);
+    memory_keep_spares(&job->ctx, true);
     return &job->ctx;
 }
 
 spbm_status call_end(spbm_job *job, enum status status)
 {
+    memory_keep_spares(&job->ctx, false);
     if (status == STATUS_OK)
         job->ctx.error[0] = '\0';
     else if (!job->ctx.error[0])

@@ -4,8 +4,9 @@
  * The naive wrapper keeps a header in front of each block for its size; then no block starts on a
  * page, and what free() gets stays in the allocator's pools and in the process's resident size.
  * Here the callers give the size back, and blocks of 128 KiB and more are anonymous maps of their
- * own: released or shrunk, they leave the process at once; grown, they move by page tables
- * (mremap), not by copying. Maps are accounted by whole pages, small blocks by their bytes.
+ * own: grown, they move by page tables (mremap), not by copying; released, they are kept for the
+ * next blocks (spare_maps.h) as far as no more is resident than has been before, or leave the
+ * process at once. Maps are accounted by whole pages, small blocks by their bytes.
  *
  * Under AddressSanitizer, which does not watch maps, each map gets a poisoned page behind it and
  * its last page's rest is poisoned, so that a step over the end is found as with malloc.
@@ -107,31 +108,47 @@ static void account_remove(struct context *ctx, uint64_t bytes)
     atomic_fetch_sub(&ctx->memory_now, bytes);
 }
 
+/* Blocks and spare maps together stay below the budget, and below seven eighths of what blocks
+ * alone have taken: not all of a block is used, but all of a spare map may have been. */
+static void fit_spares(struct context *ctx)
+{
+    const uint64_t spare = atomic_load_explicit(&ctx->spares.bytes, memory_order_relaxed);
+    if (spare == 0)
+        return;
+    const uint64_t now = atomic_load(&ctx->memory_now);
+    const uint64_t peak = atomic_load(&ctx->memory_peak), part = peak - peak / 8;
+    const uint64_t most = part < ctx->memory_budget ? part : ctx->memory_budget;
+    if (now + spare > most)
+        spare_maps_trim(&ctx->spares, most > now ? most - now : 0);
+}
+
 /* ---- blocks, not accounted; NULL on failure ---- */
 
-static void *block_take(size_t bytes, bool zeroed)
+static void *block_take(struct context *ctx, size_t bytes, bool zeroed)
 {
     if (!is_map(bytes))
         return zeroed ? calloc(1, bytes ? bytes : 1) : malloc(bytes ? bytes : 1);
-    size_t whole = map_bytes(bytes) + guard_bytes();
+    size_t whole = map_bytes(bytes) + guard_bytes(), used;
     if (whole < bytes)
         return NULL;
-    void *block = mmap(NULL, whole, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    if (block == MAP_FAILED)
+    void *block = spare_maps_take(&ctx->spares, whole, &used);
+    if (!block)
         return NULL;
     ASAN_POISON_MEMORY_REGION((char *)block + bytes, whole - bytes);
+    if (zeroed)
+        memset(block, 0, used < bytes ? used : bytes);
     return block;
 }
 
-static void block_release(void *block, size_t bytes)
+static void block_release(struct context *ctx, void *block, size_t bytes)
 {
     if (!is_map(bytes)) {
         free(block);
         return;
     }
-    size_t whole = map_bytes(bytes) + guard_bytes();
+    const size_t whole = map_bytes(bytes) + guard_bytes();
     ASAN_UNPOISON_MEMORY_REGION(block, whole);
-    munmap(block, whole);
+    spare_maps_put(&ctx->spares, block, whole);
 }
 
 /* Both sizes are those of maps. */
@@ -151,17 +168,17 @@ static void *map_resize(void *block, size_t old_bytes, size_t new_bytes)
     return moved;
 }
 
-static void *block_resize(void *block, size_t old_bytes, size_t new_bytes)
+static void *block_resize(struct context *ctx, void *block, size_t old_bytes, size_t new_bytes)
 {
     if (!is_map(old_bytes) && !is_map(new_bytes))
         return realloc(block, new_bytes ? new_bytes : 1);
     if (is_map(old_bytes) && is_map(new_bytes))
         return map_resize(block, old_bytes, new_bytes);
-    void *moved = block_take(new_bytes, false);
+    void *moved = block_take(ctx, new_bytes, false);
     if (!moved)
         return NULL;
     memcpy(moved, block, old_bytes < new_bytes ? old_bytes : new_bytes);
-    block_release(block, old_bytes);
+    block_release(ctx, block, old_bytes);
     return moved;
 }
 
@@ -202,11 +219,12 @@ static enum status take(struct context *ctx, size_t count, size_t size, bool zer
                     count, size);
     if (allocation_fault_due(ctx) || !account_add(ctx, accounted(bytes)))
         return refuse(ctx, bytes);
-    void *block = block_take(bytes, zeroed);
+    void *block = block_take(ctx, bytes, zeroed);
     if (!block) {
         account_remove(ctx, accounted(bytes));
         return refuse(ctx, bytes);
     }
+    fit_spares(ctx);
     set_pointer(out, block);
     return STATUS_OK;
 }
@@ -235,7 +253,8 @@ static bool resize(struct context *ctx, void *inout, size_t old_bytes, size_t ne
     if (new_account > old_account && !account_add(ctx, new_account - old_account))
         return false;
 
-    void *moved = block ? block_resize(block, old_bytes, new_bytes) : block_take(new_bytes, false);
+    void *moved =
+        block ? block_resize(ctx, block, old_bytes, new_bytes) : block_take(ctx, new_bytes, false);
     if (!moved) {
         if (new_account > old_account)
             account_remove(ctx, new_account - old_account);
@@ -243,6 +262,7 @@ static bool resize(struct context *ctx, void *inout, size_t old_bytes, size_t ne
     }
     if (new_account < old_account)
         account_remove(ctx, old_account - new_account);
+    fit_spares(ctx);
     set_pointer(inout, moved);
     return true;
 }
@@ -259,6 +279,13 @@ enum status memory_resize(struct context *ctx, void *inout, size_t old_count, si
     return STATUS_OK;
 }
 
+void memory_keep_spares(struct context *ctx, bool keep)
+{
+    ctx->spares.are_kept = keep;
+    if (!keep)
+        spare_maps_trim(&ctx->spares, 0);
+}
+
 void memory_use_whole(void *block, size_t count, size_t size)
 {
     if (is_map(count * size))
@@ -270,7 +297,7 @@ void memory_release(struct context *ctx, void *inout, size_t count, size_t size)
     void *block = get_pointer(inout);
     if (!block)
         return;
-    block_release(block, count * size);
+    block_release(ctx, block, count * size);
     account_remove(ctx, accounted(count * size));
     set_pointer(inout, NULL);
 }
@@ -279,6 +306,7 @@ enum status memory_hold(struct context *ctx, uint64_t bytes)
 {
     if (allocation_fault_due(ctx) || !account_add(ctx, bytes))
         return refuse(ctx, bytes);
+    fit_spares(ctx);
     return STATUS_OK;
 }
 

@@ -4,7 +4,8 @@
  *
  * Blocks are not zeroed unless said. `size` of every block is given back at release, so no header
  * is kept in front of it: a block of many pages starts on a page of its own and can be handed to
- * madvise. (Blocks of 128 KiB and more are anonymous maps, given back to the system at once.)
+ * madvise. (Blocks of 128 KiB and more are anonymous maps, given back to the system at once, or
+ * kept for the next ones where memory_keep_spares says so.)
  */
 #ifndef SPBM_BASE_MEMORY_H
 #define SPBM_BASE_MEMORY_H
@@ -22,6 +23,11 @@ enum status memory_take_zeroed(struct context *ctx, size_t count, size_t size,
  * is untouched. *inout may be NULL with old_count 0. */
 enum status memory_resize(struct context *ctx, void *inout, size_t old_count, size_t new_count,
                           size_t size) MUST_CHECK;
+
+/* Whether released blocks are kept for later ones of the same context, so that their pages need not
+ * come from the system again: never so much that blocks and what is kept pass the budget or the
+ * account's peak. Off at first; off again, all is given back. No worker may be at work. */
+void memory_keep_spares(struct context *ctx, bool keep);
 
 /* Tells the system that all of a large block will be used soon: it may give it in large pieces,
  * which saves most of the page faults. Not for vectors that have room to spare. */

@@ -23,12 +23,14 @@ void context_init(struct context *ctx)
     atomic_init(&ctx->memory_peak, 0);
     atomic_init(&ctx->fault_after, UINT64_MAX);
     ctx->failed = STATUS_OK;
+    spare_maps_init(&ctx->spares);
     pthread_mutex_init(&ctx->lock, NULL);
     pthread_mutex_init(&ctx->callback_lock, NULL);
 }
 
 void context_clear(struct context *ctx)
 {
+    spare_maps_clear(&ctx->spares);
     pthread_mutex_destroy(&ctx->lock);
     pthread_mutex_destroy(&ctx->callback_lock);
 }

@@ -14,6 +14,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "spare_maps.h"
 #include "status.h"
 
 enum message_level { MESSAGE_NOTE, MESSAGE_WARNING };
@@ -36,6 +37,7 @@ struct context {
     /* Written by memory.c. */
     _Atomic uint64_t memory_now;  /* bytes allocated through memory.h */
     _Atomic uint64_t memory_peak; /* largest memory_now so far */
+    struct spare_maps spares;     /* not counted in them */
     _Atomic uint64_t fault_after; /* fault injection: this many more guarded calls succeed, then
                                      one fails; UINT64_MAX (the default): none fails */
     bool fault_kills; /* for tests, set before the job: only system calls count, and the one that is

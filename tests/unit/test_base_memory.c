@@ -81,6 +81,49 @@ static void zeroed_is_zero(void **state)
     }
 }
 
+/* Released maps serve the blocks to come, whole, in parts or lengthened: zeroed ones are zero, the
+ * others keep what is written, and with the spares no more is held than was allowed before. */
+static void spares_are_used_again(void **state)
+{
+    struct context *ctx = *state;
+    enum { ROUNDS = 300, BLOCKS = 12 };
+    static const size_t sizes[] = {200 << 10, 3 << 20, 1 << 20, 300000, 5 << 20, 131072, 700001};
+    unsigned char *blocks[BLOCKS] = {NULL};
+    size_t held[BLOCKS] = {0};
+    uint64_t again = 0;
+    ctx->memory_budget = 24 << 20;
+    memory_keep_spares(ctx, true);
+    for (size_t round = 0; round < ROUNDS; round++) {
+        const size_t i = round * 7 % BLOCKS, size = sizes[round % (sizeof sizes / sizeof *sizes)];
+        for (size_t k = 0; k < held[i]; k += 509)
+            if (blocks[i][k] != (unsigned char)i + 1)
+                fail_msg("byte %zu of block %zu is lost", k, i);
+        if (round % 3 == 1 && blocks[i]) {
+            assert_int_equal(memory_resize(ctx, &blocks[i], held[i], size, 1), STATUS_OK);
+        } else {
+            memory_release(ctx, &blocks[i], held[i], 1);
+            const uint64_t spare = ctx->spares.bytes;
+            assert_int_equal(round % 2 ? memory_take_zeroed(ctx, size, 1, &blocks[i])
+                                       : memory_take(ctx, size, 1, &blocks[i]),
+                             STATUS_OK);
+            again += ctx->spares.bytes < spare;
+            for (size_t k = 0; round % 2 && k < size; k++)
+                if (blocks[i][k] != 0)
+                    fail_msg("byte %zu of %zu is not zero", k, size);
+        }
+        held[i] = size;
+        memset(blocks[i], (int)i + 1, size);
+        assert_true(ctx->memory_now + ctx->spares.bytes <= ctx->memory_budget);
+        assert_true(ctx->spares.bytes <= ctx->memory_peak);
+    }
+    assert_true(again > ROUNDS / 4);
+    for (size_t i = 0; i < BLOCKS; i++)
+        memory_release(ctx, &blocks[i], held[i], 1);
+    assert_true(ctx->spares.bytes > 0);
+    memory_keep_spares(ctx, false);
+    assert_true(ctx->spares.bytes == 0);
+}
+
 static void overflow_is_refused(void **state)
 {
     struct context *ctx = *state;
@@ -316,6 +359,7 @@ int main(void)
         TEST(empty_blocks_are_valid),
         TEST(contents_survive_resizing),
         TEST(zeroed_is_zero),
+        TEST(spares_are_used_again),
         TEST(overflow_is_refused),
         TEST(budget_holds),
         TEST(reserve_is_content_with_less),
