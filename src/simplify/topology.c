@@ -17,8 +17,10 @@
 #include "simplify/topology_surgery.h"
 #include "simplify/topology_zip.h"
 
-/* Patches that no sharp edge runs through, but large enough to keep the graph small. */
-static const double patch_angle = 15;
+/* Patches that the first step of a fillet ends; without features as large as no sharp edge runs
+ * through, to keep the graph small. Rings round smooth handles are made of such larger ones, too:
+ * single triangles make none that has two sides. */
+static const double fine_angle = 4, coarse_angle = 15;
 
 /* Of the diagonal: the noise that must not hide a feature. */
 static const double noise_share = 1e-3;
@@ -93,8 +95,11 @@ static enum status open_chains(struct run *run, const char *store_path, const ch
 {
     const struct target target = {
         .kind = TARGET_FACES, .count = 1, .values = {1}, .mode = MODE_CLASSIC, .effort = 1};
-    const struct patch_request request = {.patch_angle = {patch_angle, patch_angle},
-                                          .face_angle = {patch_angle, patch_angle}};
+    const struct topology_options *options = run->options;
+    const bool is_fine = options->max_feature.value > 0 && !options->smooth_features;
+    const double angle = is_fine ? fine_angle : coarse_angle;
+    const struct patch_request request = {.patch_angle = {angle, angle},
+                                          .face_angle = {angle, angle}};
     enum status status = chain_build(run->ctx, store_path, chain_path, &target, &request, NULL);
     if (status == STATUS_OK)
         status = chain_file_open(run->ctx, chain_path, &run->chains);

@@ -8,10 +8,15 @@
  * to it) and lies outside it (the loop runs clockwise about the region's normals) is a rim: the
  * wall of a hole, bump or cavity begins there.
  *
- * This is done twice. First with the sharp angle. Then with a small angle, so that planes end
- * where they bend at all: that finds the rims that are chamfered or filleted over several edges,
- * none of which is sharp by itself. Whether what lies inside is steep is asked later
+ * This is done several times. First with the sharp angle. Then with small angles, so that planes
+ * end where they bend at all: that finds the rims that are chamfered or filleted over several
+ * edges, none of which is sharp by itself; the smaller angle finds the first of many steps, the
+ * larger one withstands more noise. Whether what lies inside is steep is asked later
  * (topology_features.c).
+ *
+ * The chamfer is a part of its hole: the inner edge of a countersink, however sharp, is no rim. So
+ * a loop whose flat side is a ring that is tilted towards the wall, all round and by the same
+ * angle, with something flatter beyond, is looked over.
  */
 #include "simplify/topology_rims.h"
 
@@ -20,8 +25,8 @@
 #include "base/forest.h"
 #include "base/memory.h"
 
-/* cos 10: beyond it a plane ends. */
-static const double plane_cosine = 0.984807753012208;
+/* cos 10 and cos 4: beyond it a plane ends. */
+static const double plane_cosines[] = {0.984807753012208, 0.99756405025982424};
 
 /* How closely the normals along a rim must follow the loop's: sharp rims may lie on curved walls.
  */
@@ -33,6 +38,13 @@ static const double flat_margin = 0.1;
 /* Height of a splinter by its length, at most. */
 static const double thin_share = 0.1;
 
+/* A ring is tilted if its normals lean by more than the sine of 3 degrees, everywhere by about as
+ * much; what leans by the sine of 2 degrees less is flatter. */
+static const double tilt_least = 0.052, tilt_spread = 0.35, tilt_same = 0.07, tilt_flatter = 0.035;
+/* How much of a ring's outer edge must lead to what is flatter, and how far from the loop's middle
+ * it may lie, by the loop's box. */
+static const double flatter_share = 0.6, ring_reach = 1.5;
+
 struct search {
     struct chain_graph *graph;
     const struct rim_options *options;
@@ -41,6 +53,10 @@ struct search {
     uint32_t *regions; /* a patch: number of its region, after being a forest of joined patches */
     uint8_t *visited;  /* a half-edge */
     struct loop_points points;
+    uint32_t *stamps; /* a patch: the ring that it was last found to be in */
+    uint32_t rings;   /* looked at so far */
+    uint32_t *ring;   /* patches of the one in hand */
+    size_t ring_count, ring_capacity;
 };
 
 /* ---- smooth regions ---- */
@@ -161,6 +177,123 @@ static void mark_rim(struct search *search, const struct surface_loop *loop, boo
     }
 }
 
+/* ---- chamfers ---- */
+
+/* By how much the normals on both sides lean away from the loop's middle. */
+struct lean {
+    double left, right; /* means along the loop */
+    double spread;      /* mean difference of the left side's from their mean */
+};
+
+static double lean_of(const struct search *search, const struct surface_loop *loop, uint32_t h,
+                      uint32_t side, double *length)
+{
+    const struct chain_graph *graph = search->graph;
+    struct vec3 along = vec3_sub(vertex_point(graph, half_edge_end(graph, h)),
+                                 vertex_point(graph, graph->half_edges[h].origin));
+    uint32_t patch = graph->half_edges[side].patch;
+    *length = vec3_length(along);
+    /* The loop's normal points into the surface, the flat side is on the left: outside. */
+    struct vec3 outward = vec3_normalized(vec3_cross(along, loop->normal));
+    return patch == NO_PATCH ? 0 : vec3_dot(patch_normal(graph, patch), outward);
+}
+
+static struct lean find_lean(const struct search *search, const struct surface_loop *loop)
+{
+    struct lean lean = {0, 0, 0};
+    double length;
+    for (uint32_t i = 0; i < search->points.count; i++) {
+        uint32_t h = search->points.half_edges[i];
+        lean.left += lean_of(search, loop, h, h, &length) * length;
+        lean.right += lean_of(search, loop, h, h ^ 1, &length) * length;
+    }
+    if (!(loop->length > 0))
+        return lean;
+    lean.left /= loop->length;
+    lean.right /= loop->length;
+    for (uint32_t i = 0; i < search->points.count; i++) {
+        uint32_t h = search->points.half_edges[i];
+        lean.spread += fabs(lean_of(search, loop, h, h, &length) - lean.left) * length;
+    }
+    lean.spread /= loop->length;
+    return lean;
+}
+
+/* Sine of the angle between a patch's normal and the loop's. */
+static double tilt_of(const struct search *search, const struct surface_loop *loop, uint32_t patch)
+{
+    double cosine = vec3_dot(patch_normal(search->graph, patch), loop->normal);
+    return cosine * cosine < 1 ? sqrt(1 - cosine * cosine) : 0;
+}
+
+static enum status add_to_ring(struct search *search, uint32_t patch)
+{
+    if (search->stamps[patch] == search->rings)
+        return STATUS_OK;
+    enum status status = memory_reserve(search->graph->ctx, &search->ring, &search->ring_capacity,
+                                        search->ring_count + 1, sizeof *search->ring);
+    if (status != STATUS_OK)
+        return status;
+    search->stamps[patch] = search->rings;
+    search->ring[search->ring_count++] = patch;
+    return STATUS_OK;
+}
+
+/* What lies beyond the edges of a ring: lengths. */
+struct beyond {
+    double flatter, other;
+    bool is_far; /* it reaches too far out to be one */
+};
+
+/* Looks over the edges of one patch of the ring, which grows by neighbours of the same tilt. */
+static enum status widen_ring(struct search *search, const struct surface_loop *loop, double tilt,
+                              uint32_t patch, struct beyond *beyond)
+{
+    const struct chain_graph *graph = search->graph;
+    const double reach = ring_reach * vec3_distance(vec3_load(loop->low), vec3_load(loop->high));
+    uint32_t first = graph->patches[patch].half_edge, h = first;
+    enum status status = STATUS_OK;
+    do {
+        struct vec3 from = vertex_point(graph, graph->half_edges[h].origin);
+        double length = vec3_distance(from, vertex_point(graph, half_edge_end(graph, h)));
+        uint32_t other = graph->half_edges[h ^ 1].patch;
+        double there = other == NO_PATCH ? 1 : tilt_of(search, loop, other);
+        beyond->is_far |= vec3_distance(from, loop->centre) > reach;
+        if (other != NO_PATCH && fabs(there - tilt) <= tilt_same)
+            status = add_to_ring(search, other);
+        else if (there < tilt - tilt_flatter)
+            beyond->flatter += length;
+        else
+            beyond->other += length;
+        h = graph->half_edges[h].next;
+    } while (h != first && status == STATUS_OK);
+    return status;
+}
+
+/* Is the flat side of the loop in hand a chamfer, or a step of a fillet, of what lies inside? */
+static enum status find_chamfer(struct search *search, const struct surface_loop *loop,
+                                bool *is_chamfer)
+{
+    const struct chain_graph *graph = search->graph;
+    struct lean lean = find_lean(search, loop);
+    struct beyond beyond = {0, 0, false};
+    enum status status = STATUS_OK;
+    *is_chamfer = false;
+    if (fabs(lean.left) < tilt_least || lean.left * lean.right <= 0 ||
+        lean.spread > tilt_spread * fabs(lean.left))
+        return STATUS_OK;
+    search->rings++;
+    search->ring_count = 0;
+    for (uint32_t i = 0; i < search->points.count && status == STATUS_OK; i++)
+        status = add_to_ring(search, graph->half_edges[search->points.half_edges[i]].patch);
+    for (size_t i = 0; i < search->ring_count && status == STATUS_OK && !beyond.is_far; i++)
+        status = widen_ring(search, loop, fabs(lean.left), search->ring[i], &beyond);
+    beyond.other -= loop->length; /* which leads to the wall */
+    *is_chamfer = !beyond.is_far && beyond.flatter > 0 &&
+                  beyond.flatter >= flatter_share * (beyond.flatter + beyond.other);
+    return status;
+}
+
 static enum status judge_loop(struct search *search, uint32_t first, bool is_sharp)
 {
     struct chain_graph *graph = search->graph;
@@ -182,10 +315,13 @@ static enum status judge_loop(struct search *search, uint32_t first, bool is_sha
     if (is_large)
         return is_sharp ? keep_large(search, &loop) : STATUS_OK;
     double flat = is_sharp ? flat_sharp : flat_plane;
+    bool is_chamfer = true;
     if (-loop.flat_left >= flat &&
         (!is_sharp || -loop.flat_left >= fabs(loop.flat_right) + flat_margin))
+        status = find_chamfer(search, &loop, &is_chamfer);
+    if (!is_chamfer)
         mark_rim(search, &loop, is_sharp);
-    return STATUS_OK;
+    return status;
 }
 
 static enum status judge_loops(struct search *search, bool is_sharp)
@@ -234,12 +370,14 @@ enum status rims_find(struct chain_graph *graph, const struct rim_options *optio
         status = memory_take(ctx, half_edges, 1, &search.visited);
     if (status == STATUS_OK)
         status = memory_take(ctx, graph->patch_count, sizeof *search.regions, &search.regions);
+    if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, graph->patch_count, sizeof *search.stamps, &search.stamps);
     if (status == STATUS_OK) {
         find_regions(&search, options->sharp_cosine[0], options->sharp_cosine[1]);
         status = judge_loops(&search, true);
     }
-    if (status == STATUS_OK) {
-        find_regions(&search, plane_cosine, -2);
+    for (unsigned i = 0; i < 2 && status == STATUS_OK; i++) {
+        find_regions(&search, plane_cosines[i], -2);
         status = judge_loops(&search, false);
     }
     if (status == STATUS_OK)
@@ -247,6 +385,8 @@ enum status rims_find(struct chain_graph *graph, const struct rim_options *optio
     loop_points_clear(ctx, &search.points);
     memory_release(ctx, &search.visited, half_edges, 1);
     memory_release(ctx, &search.regions, graph->patch_count, sizeof *search.regions);
+    memory_release(ctx, &search.stamps, graph->patch_count, sizeof *search.stamps);
+    memory_release(ctx, &search.ring, search.ring_capacity, sizeof *search.ring);
     return status;
 }
 

@@ -111,6 +111,39 @@ static void chamfered_bore_goes_by_its_outer_rim(void **state)
     }
 }
 
+/* A bore with a countersink or a fillet of many steps on one side is as large as its outer rim: it
+ * goes with all of it, or stays with all of it, however sharp the inner edge is. */
+static void countersinks_go_as_one(void **state)
+{
+    (void)state;
+    static const double angles[] = {20, 30, 44.9, 45, 45.1, 60};
+    static const double quarter = 1.5707963267948966;
+    for (unsigned i = 0; i < 6 + 5; i++) {
+        double profile[16][2] = {{1, 0}, {6, 0}, {6, 3}, {1.5, 3}};
+        unsigned points = 4, steps = i < 6 ? 1 : i - 4;
+        for (unsigned k = 1; k <= steps; k++, points++) {
+            double turn = quarter * k / steps;
+            profile[points][0] = i < 6 ? 1 : 1.5 - 0.5 * sin(turn);
+            profile[points][1] =
+                i < 6 ? 3 - 0.5 * tan(angles[i] * quarter / 90) : 2.5 + 0.5 * cos(turn);
+        }
+        struct shape shape = revolve((const double(*)[2])profile, points);
+        struct topology_options options;
+        struct operated out;
+        topology_defaults(&options);
+        options.max_feature.value = 2.9;
+        expect(&shape, &options, 0, 1, 0);
+        options.max_feature.value = 3.1;
+        operate(&shape, &options, 0, &out);
+        assert_int_equal(out.report.counts[FEATURE_HOLE], 1);
+        assert_true(facts_manifold(&out.facts));
+        double disk = 0.5 * AROUND * sin(4 * quarter / AROUND) * 36;
+        assert_true(fabs(mesh_volume(&out.mesh) - 3 * disk) < 1e-5 * disk);
+        operated_clear(&out);
+        shape_free(&shape);
+    }
+}
+
 /* A wide bore from above, a narrow one from below. */
 static void stepped_bore_goes_by_steps(void **state)
 {
@@ -218,6 +251,7 @@ int main(void)
         cmocka_unit_test(pipe_stays),
         cmocka_unit_test(mushroom_goes_whole_or_not),
         cmocka_unit_test(chamfered_bore_goes_by_its_outer_rim),
+        cmocka_unit_test(countersinks_go_as_one),
         cmocka_unit_test(stepped_bore_goes_by_steps),
         cmocka_unit_test(long_pin_stays_by_extent),
         cmocka_unit_test(cracks_close_below_their_size_only),
