@@ -58,7 +58,9 @@ struct draft {
     size_t shared_size;
 
     uint32_t slab_count;
-    uint32_t *vertex_first;   /* slab_count + 1 */
+    uint32_t *vertex_first; /* slab_count + 1 */
+    bool has_box;           /* of all vertices, found when they were gathered */
+    double box_low[3], box_high[3];
     uint64_t foreign_corners; /* corners whose vertex an earlier slab used first */
 };
 
@@ -81,6 +83,23 @@ enum status draft_number(struct draft *draft, uint64_t base_count, const struct 
                          const uint32_t *copy_of, uint64_t copy_count,
                          uint64_t *degenerate) MUST_CHECK;
 
+/*
+ * The first numbering, of faces as they come, which saves two looks at all of them: number_begin
+ * when all vertices that faces will name are known; number_take for faces, whose numbers are
+ * appended to `to`, *dropped of them left out; number_finish when what was appended are the draft's
+ * faces. *taken is false, and nothing done, when the walk jumps about too much. If other faces have
+ * joined the number_count(...) that were taken, number_take_back makes ids of their numbers again,
+ * and draft_number is due. Both end the numbering, as number_drop does, which is safe at any time.
+ */
+struct numbering;
+enum status number_begin(struct draft *draft, uint64_t id_count, struct numbering **out) MUST_CHECK;
+enum status number_take(struct numbering *numbering, const uint32_t *faces, size_t count,
+                        struct spool *to, size_t *dropped, bool *taken) MUST_CHECK;
+enum status number_finish(struct numbering **numbering, uint64_t base_count) MUST_CHECK;
+enum status number_take_back(struct numbering **numbering) MUST_CHECK;
+uint64_t number_count(const struct numbering *numbering);
+void number_drop(struct numbering **numbering);
+
 /* Puts positions and records in another order, that of `ids` (in `id_spool`): the new vertex v is
  * what ids[v] was, or copy_of[ids[v] - base_count]. `next_count` of them. */
 enum status draft_gather(struct draft *draft, const struct spool *id_spool, const uint32_t *ids,
@@ -91,14 +110,19 @@ enum status draft_gather(struct draft *draft, const struct spool *id_spool, cons
 enum status draft_map_corners(struct draft *draft, const struct spool *spool, const uint32_t *table,
                               uint64_t count) MUST_CHECK;
 
+/* Position v of an array of floats or doubles. */
+static inline void position_at(const void *positions, bool is_float32, uint64_t v, double out[3])
+{
+    const float *floats = positions;
+    const double *doubles = positions;
+    for (unsigned i = 0; i < 3; i++)
+        out[i] = is_float32 ? (double)floats[3 * v + i] : doubles[3 * v + i];
+}
+
 /* Position of a vertex. */
 static inline void draft_position(const struct draft *draft, uint64_t v, double out[3])
 {
-    const float *floats = draft->positions;
-    const double *doubles = draft->positions;
-    for (int i = 0; i < 3; i++)
-        out[i] =
-            draft->is_float32 ? (double)floats[3 * v + (uint64_t)i] : doubles[3 * v + (uint64_t)i];
+    position_at(draft->positions, draft->is_float32, v, out);
 }
 
 static inline uint64_t draft_position_size(const struct draft *draft)

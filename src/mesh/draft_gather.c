@@ -3,6 +3,7 @@
  */
 #include "mesh/draft.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "base/memory.h"
@@ -23,7 +24,8 @@ struct gathering { /* of one array */
     struct lookup lookup;
     struct spool to;
     size_t size; /* of an element */
-    unsigned char batch[BATCH_BYTES];
+    bool finds_box;
+    _Alignas(8) unsigned char batch[BATCH_BYTES];
     size_t used;
 };
 
@@ -36,9 +38,30 @@ static inline uint32_t old_vertex(struct gathering *g, uint64_t v)
     return g->copy_of[id - g->base_count];
 }
 
+/* Of the positions in the batch. */
+static void widen_box(struct gathering *g)
+{
+    struct draft *draft = g->draft;
+    const size_t count = g->used / draft_position_size(draft);
+    double low[3], high[3], p[3];
+    memcpy(low, draft->box_low, sizeof low);
+    memcpy(high, draft->box_high, sizeof high);
+    for (size_t v = 0; v < count; v++) {
+        position_at(g->batch, draft->is_float32, v, p);
+        for (int i = 0; i < 3; i++) {
+            low[i] = p[i] < low[i] ? p[i] : low[i];
+            high[i] = p[i] > high[i] ? p[i] : high[i];
+        }
+    }
+    memcpy(draft->box_low, low, sizeof low);
+    memcpy(draft->box_high, high, sizeof high);
+}
+
 static enum status flush(struct gathering *g)
 {
     size_t used = g->used;
+    if (g->finds_box)
+        widen_box(g);
     g->used = 0;
     return spool_append(&g->to, g->batch, used);
 }
@@ -143,11 +166,18 @@ enum status draft_gather(struct draft *draft, const struct spool *id_spool, cons
         status =
             visits_begin(&draft->room, &g->copy_visits, copy_spool, room_left(&draft->room) / 8);
     void *data;
+    g->finds_box = !draft->has_box;
+    for (int i = 0; i < 3 && g->finds_box; i++) {
+        draft->box_low[i] = INFINITY;
+        draft->box_high[i] = -INFINITY;
+    }
     if (status == STATUS_OK)
         status = gather_array(g, &draft->position_spool, draft->positions,
                               draft_position_size(draft), &data);
     if (status == STATUS_OK)
         draft->positions = data;
+    draft->has_box = status == STATUS_OK;
+    g->finds_box = false;
     if (status == STATUS_OK && draft->records) {
         status = gather_array(g, &draft->record_spool, draft->records, draft->record_size, &data);
         if (status == STATUS_OK)

@@ -21,7 +21,7 @@
 #include "base/memory.h"
 #include "mesh/lookup.h"
 
-enum { ID_BATCH = 1024, SWEEPS = 3 };
+enum { ID_BATCH = 1024, FACE_BATCH = 1024, SWEEPS = 3 };
 
 struct numbering {
     struct draft *draft;
@@ -35,7 +35,9 @@ struct numbering {
     uint32_t next;
     uint32_t slab_first; /* the slab's first own vertex */
     uint64_t foreign_corners;
-    uint64_t kept, read; /* faces */
+    uint64_t kept, read;  /* faces */
+    struct visits visits; /* of number_of */
+    uint64_t most_visits;
 
     /* by buckets */
     unsigned part_shift;
@@ -68,6 +70,12 @@ static inline void note_use(struct numbering *n, uint32_t number)
     }
 }
 
+static void note_slab(struct numbering *n, uint64_t kept)
+{
+    n->slab_first = n->next;
+    n->draft->vertex_first[kept >> n->draft->slab_shift] = n->next;
+}
+
 /* Face `kept` begins a slab. */
 static enum status begin_slab(struct numbering *n, uint64_t kept, uint64_t read)
 {
@@ -76,17 +84,25 @@ static enum status begin_slab(struct numbering *n, uint64_t kept, uint64_t read)
     uint64_t from = kept > slab ? kept - slab : 0;
     spool_forget(&draft->face_spool, from * 12, (read - from) * 12);
     spool_expect(&draft->face_spool, read * 12, slab * 12 + SWEEP_AHEAD);
-    n->slab_first = n->next;
-    draft->vertex_first[kept >> draft->slab_shift] = n->next;
+    note_slab(n, kept);
     return step(draft->ctx, "import: number", read, draft->face_count);
 }
 
 /* ---- at once ---- */
 
-static inline enum status number_vertex(struct numbering *n, struct visits *visits, uint32_t id,
-                                        uint32_t *number)
+static enum status begin_visits(struct numbering *n)
 {
-    visit(visits, (uint64_t)id * 4);
+    const struct room *room = &n->draft->room;
+    enum status status = visits_begin(room, &n->visits, &n->number_spool, room_left(room) / 4 * 3);
+    n->most_visits = n->visits.most < n->visits.block_count
+                         ? SWEEPS * n->visits.block_count + n->visits.most
+                         : UINT64_MAX;
+    return status;
+}
+
+static inline enum status number_vertex(struct numbering *n, uint32_t id, uint32_t *number)
+{
+    visit(&n->visits, (uint64_t)id * 4);
     uint32_t known = n->number_of[id];
     if (known) {
         *number = known - 1;
@@ -105,13 +121,9 @@ static enum status number_at_once(struct numbering *n, bool *is_done)
     struct draft *draft = n->draft;
     uint32_t *faces = draft->faces;
     const uint64_t slab_mask = ((uint64_t)1 << draft->slab_shift) - 1;
-    struct visits visits;
-    enum status status =
-        visits_begin(&draft->room, &visits, &n->number_spool, room_left(&draft->room) / 4 * 3);
-    const uint64_t most_visits =
-        visits.most < visits.block_count ? SWEEPS * visits.block_count + visits.most : UINT64_MAX;
+    enum status status = begin_visits(n);
     uint64_t kept = 0, f = 0;
-    for (; f < draft->face_count && status == STATUS_OK && visits.total <= most_visits; f++) {
+    for (; f < draft->face_count && status == STATUS_OK && n->visits.total <= n->most_visits; f++) {
         const uint32_t a = faces[3 * f], b = faces[3 * f + 1], c = faces[3 * f + 2];
         if (a == b || b == c || a == c)
             continue;
@@ -119,14 +131,14 @@ static enum status number_at_once(struct numbering *n, bool *is_done)
             status = begin_slab(n, kept, f);
         uint32_t *face = faces + 3 * kept;
         if (status == STATUS_OK)
-            status = number_vertex(n, &visits, a, face);
+            status = number_vertex(n, a, face);
         if (status == STATUS_OK)
-            status = number_vertex(n, &visits, b, face + 1);
+            status = number_vertex(n, b, face + 1);
         if (status == STATUS_OK)
-            status = number_vertex(n, &visits, c, face + 2);
+            status = number_vertex(n, c, face + 2);
         kept += status == STATUS_OK;
     }
-    visits_end(&visits);
+    visits_end(&n->visits);
     n->kept = kept;
     n->read = f;
     *is_done = f == draft->face_count;
@@ -429,41 +441,151 @@ static enum status number_all(struct numbering *n)
     return status == STATUS_OK ? number_by_buckets(n) : status;
 }
 
-enum status draft_number(struct draft *draft, uint64_t base_count, const struct spool *copy_spool,
-                         const uint32_t *copy_of, uint64_t copy_count, uint64_t *degenerate)
+static enum status open_numbering(struct draft *draft, uint64_t id_count, struct numbering **out)
 {
-    struct context *ctx = draft->ctx;
-    uint64_t id_count = base_count + copy_count;
+    struct numbering *n;
+    *out = NULL;
     if (id_count > (uint64_t)UINT32_MAX - 1)
-        return fail(ctx, STATUS_BAD_INPUT,
+        return fail(draft->ctx, STATUS_BAD_INPUT,
                     "the mesh has %llu vertices; a store holds at most 4294967294",
                     (unsigned long long)id_count);
-    struct numbering *n;
-    enum status status = memory_take_zeroed(ctx, 1, sizeof *n, &n);
+    enum status status = memory_take_zeroed(draft->ctx, 1, sizeof *n, &n);
     if (status != STATUS_OK)
         return status;
     n->draft = draft;
     n->id_count = id_count;
     n->is_identity = true;
+    spool_init(draft->ctx, &n->id_spool, draft->room.beside, room_spool_limit(&draft->room, 4));
+    *out = n;
+    return begin_slabs(draft, id_count);
+}
+
+void number_drop(struct numbering **numbering)
+{
+    struct numbering *n = *numbering;
+    *numbering = NULL;
+    if (!n)
+        return;
+    visits_end(&n->visits);
+    spool_clear(&n->number_spool);
+    spool_clear(&n->id_spool);
+    memory_release(n->draft->ctx, &n, 1, sizeof *n);
+}
+
+/* All corners have their numbers: cuts the slabs, and vertex data take the new order. */
+static enum status finish(struct numbering *n, uint64_t base_count, const struct spool *copy_spool,
+                          const uint32_t *copy_of)
+{
+    void *ids = NULL;
+    enum status status = end_slabs(n->draft, n);
+    n->is_identity = n->is_identity && n->next <= base_count; /* copies never are */
+    if (status != STATUS_OK || n->is_identity)
+        return status;
+    status = spool_append(&n->id_spool, n->ids, n->id_used * sizeof *n->ids);
+    if (status == STATUS_OK)
+        status = spool_seal(&n->id_spool, &ids);
+    if (status != STATUS_OK)
+        return status;
+    spool_jumps(&n->id_spool);
+    return draft_gather(n->draft, &n->id_spool, ids, n->next, base_count, copy_spool, copy_of);
+}
+
+enum status draft_number(struct draft *draft, uint64_t base_count, const struct spool *copy_spool,
+                         const uint32_t *copy_of, uint64_t copy_count, uint64_t *degenerate)
+{
     const uint64_t face_count = draft->face_count;
-    spool_init(ctx, &n->id_spool, draft->room.beside, room_spool_limit(&draft->room, 4));
-    status = begin_slabs(draft, id_count);
+    struct numbering *n;
+    enum status status = open_numbering(draft, base_count + copy_count, &n);
     if (status == STATUS_OK)
         status = number_all(n);
     if (status == STATUS_OK)
-        status = end_slabs(draft, n);
+        status = finish(n, base_count, copy_spool, copy_of);
     *degenerate = face_count - draft->face_count;
-    void *ids = NULL;
-    n->is_identity = n->is_identity && n->next <= base_count; /* copies never are */
-    if (status == STATUS_OK && !n->is_identity)
-        status = spool_append(&n->id_spool, n->ids, n->id_used * sizeof *n->ids);
-    if (status == STATUS_OK && !n->is_identity)
-        status = spool_seal(&n->id_spool, &ids);
-    if (ids)
-        spool_jumps(&n->id_spool);
-    if (ids)
-        status = draft_gather(draft, &n->id_spool, ids, n->next, base_count, copy_spool, copy_of);
-    spool_clear(&n->id_spool);
-    memory_release(ctx, &n, 1, sizeof *n);
+    number_drop(&n);
+    return status;
+}
+
+/* ---- faces as they come ---- */
+
+enum status number_begin(struct draft *draft, uint64_t id_count, struct numbering **out)
+{
+    struct numbering *n;
+    enum status status = open_numbering(draft, id_count, &n);
+    if (status == STATUS_OK)
+        status = room_scratch(&draft->room, &n->number_spool, id_count * 4, &n->number_of);
+    if (status == STATUS_OK)
+        status = begin_visits(n);
+    *out = n;
+    return status;
+}
+
+/* As begin_slab, where it is not known how many slabs there will be. */
+static enum status append_slab(struct numbering *n)
+{
+    struct draft *draft = n->draft;
+    const uint64_t slab = n->kept >> draft->slab_shift;
+    if (slab >= draft->slab_count) {
+        const size_t count = (size_t)slab + slab / 2 + 16;
+        enum status status = memory_resize(draft->ctx, &draft->vertex_first,
+                                           (size_t)draft->slab_count + 1, count + 1, 4);
+        if (status != STATUS_OK)
+            return status;
+        draft->slab_count = (uint32_t)count;
+    }
+    note_slab(n, n->kept);
+    return STATUS_OK;
+}
+
+enum status number_take(struct numbering *n, const uint32_t *faces, size_t count, struct spool *to,
+                        size_t *dropped, bool *taken)
+{
+    const uint64_t slab_mask = ((uint64_t)1 << n->draft->slab_shift) - 1;
+    const uint64_t kept_before = n->kept;
+    uint32_t batch[3 * FACE_BATCH];
+    enum status status = STATUS_OK;
+    *dropped = 0;
+    *taken = n->visits.total <= n->most_visits;
+    for (size_t f = 0; f < count && *taken && status == STATUS_OK;) {
+        size_t used = 0;
+        for (; f < count && used < 3 * FACE_BATCH && status == STATUS_OK; f++) {
+            const uint32_t *ids = faces + 3 * f;
+            if (ids[0] == ids[1] || ids[1] == ids[2] || ids[0] == ids[2])
+                continue;
+            if ((n->kept & slab_mask) == 0)
+                status = append_slab(n);
+            for (int k = 0; k < 3 && status == STATUS_OK; k++)
+                status = number_vertex(n, ids[k], &batch[used++]);
+            n->kept++;
+        }
+        if (status == STATUS_OK)
+            status = spool_append(to, batch, used * sizeof *batch);
+    }
+    if (*taken)
+        *dropped = count - (size_t)(n->kept - kept_before);
+    return status;
+}
+
+enum status number_finish(struct numbering **numbering, uint64_t base_count)
+{
+    struct numbering *n = *numbering;
+    visits_end(&n->visits);
+    spool_clear(&n->number_spool);
+    enum status status = finish(n, base_count, NULL, NULL);
+    number_drop(numbering);
+    return status;
+}
+
+uint64_t number_count(const struct numbering *numbering)
+{
+    return numbering->kept;
+}
+
+enum status number_take_back(struct numbering **numbering)
+{
+    struct numbering *n = *numbering;
+    visits_end(&n->visits);
+    spool_clear(&n->number_spool);
+    enum status status = take_back(n);
+    number_drop(numbering);
     return status;
 }

@@ -160,6 +160,13 @@ static enum status append_triangles(struct ingest *ingest, uint64_t first_face, 
         status = watch_indices(ingest, first_face, indices, 3 * count, 3);
     if (status != STATUS_OK)
         return status;
+    if (ingest->taker.user && ingest->needed_vertices == 0 && !current(ingest)->is_soup) {
+        bool taken;
+        status = ingest->taker.take(ingest->taker.user, ingest, count, indices, &taken);
+        if (status != STATUS_OK || taken)
+            return status;
+    }
+    ingest->taker.user = NULL;
     uint32_t offset = (uint32_t)current(ingest)->vertex_first;
     if (offset == 0)
         return spool_append(&ingest->face_spool, indices, 3 * count * sizeof *indices);
@@ -180,6 +187,7 @@ static enum status append_triangles(struct ingest *ingest, uint64_t first_face, 
 static enum status append_polygon(struct ingest *ingest, uint64_t face, uint32_t size,
                                   const uint32_t *indices)
 {
+    ingest->taker.user = NULL;
     struct ingest_polygon polygon = {(uint32_t)ingest->face_count, size};
     enum status status = count_faces(ingest, size - 2);
     if (status == STATUS_OK)
@@ -239,6 +247,8 @@ enum status ingest_begin(struct ingest *ingest, const char *name, struct import_
                                         ingest->input_count + 1, sizeof *ingest->inputs);
     if (status != STATUS_OK)
         return status;
+    if (ingest->input_count)
+        ingest->taker.user = NULL;
     struct ingest_input *input = &ingest->inputs[ingest->input_count++];
     memset(input, 0, sizeof *input);
     input->name = name;

@@ -20,9 +20,24 @@ struct ingest_input {
     uint32_t common[ATTRIBUTE_MAX]; /* place in `attributes` of each common attribute */
 };
 
+struct ingest;
+/*
+ * Somebody who takes triangles in place of the face spool, into which he puts what he makes of
+ * them: as long as they come from one input, are no polygons, and name no vertex that is yet to
+ * come.
+ * `*taken` false: not these, and he is not asked again. Those that he drops are no faces of the
+ * ingest any more.
+ */
+struct ingest_taker {
+    void *user; /* NULL: nobody */
+    enum status (*take)(void *user, struct ingest *ingest, size_t count, const uint32_t *indices,
+                        bool *taken);
+};
+
 struct ingest {
     struct context *ctx;
     const struct room *room; /* borrowed */
+    struct ingest_taker taker;
 
     struct ingest_input *inputs;
     size_t input_count;

@@ -21,13 +21,9 @@ static void widen(struct frame *frame, const double p[3])
     }
 }
 
-enum status frame_find(const struct draft *draft, struct frame *frame)
+/* Where vertices never were gathered. */
+static void look_at_all(const struct draft *draft, struct frame *frame)
 {
-    for (int i = 0; i < 3; i++) {
-        frame->low[i] = INFINITY;
-        frame->high[i] = -INFINITY;
-        frame->origin[i] = 0;
-    }
     for (uint64_t v = 0; v < draft->vertex_count; v++) {
         double p[3];
         draft_position(draft, v, p);
@@ -36,6 +32,17 @@ enum status frame_find(const struct draft *draft, struct frame *frame)
             spool_pass(&draft->position_spool, v * draft_position_size(draft));
     }
     spool_forget_all(&draft->position_spool);
+}
+
+enum status frame_find(const struct draft *draft, struct frame *frame)
+{
+    for (int i = 0; i < 3; i++) {
+        frame->low[i] = draft->has_box ? draft->box_low[i] : INFINITY;
+        frame->high[i] = draft->has_box ? draft->box_high[i] : -INFINITY;
+        frame->origin[i] = 0;
+    }
+    if (!draft->has_box)
+        look_at_all(draft, frame);
     double extent = 0;
     for (int i = 0; i < 3; i++) {
         double side = frame->high[i] - frame->low[i];

@@ -36,6 +36,8 @@ struct build {
     const struct store_feed *feed;
     struct ingest ingest;
     struct draft draft;
+    struct numbering *numbering; /* while faces are read, or NULL */
+    uint64_t numbered_ids;
     struct frame frame;
     struct section_writer writer;
     struct store_info info;
@@ -96,10 +98,32 @@ static enum status take_feed(struct build *build)
     return status == STATUS_OK ? ingest_end(&build->ingest) : status;
 }
 
+/* Faces are numbered when they come, where all their vertices have come before. */
+static enum status take_triangles(void *user, struct ingest *ingest, size_t count,
+                                  const uint32_t *indices, bool *taken)
+{
+    struct build *build = user;
+    enum status status = STATUS_OK;
+    size_t dropped = 0;
+    if (!build->numbering) {
+        build->numbered_ids = ingest->vertex_count;
+        status = number_begin(&build->draft, ingest->vertex_count, &build->numbering);
+    }
+    *taken = ingest->vertex_count == build->numbered_ids;
+    if (status == STATUS_OK && *taken)
+        status =
+            number_take(build->numbering, indices, count, &ingest->face_spool, &dropped, taken);
+    ingest->face_count -= dropped;
+    build->info.cleaning.degenerate_faces += dropped;
+    return status;
+}
+
 static enum status read_inputs(struct build *build)
 {
     enum status status = STATUS_OK;
     ingest_init(build->ctx, &build->ingest, &build->draft.room);
+    if (!build->options->weld)
+        build->ingest.taker = (struct ingest_taker){build, take_triangles};
     if (build->feed)
         status = take_feed(build);
     for (size_t i = 0; i < build->input_count && status == STATUS_OK; i++)
@@ -147,20 +171,27 @@ static enum status take_faces(struct build *build)
     struct draft *draft = &build->draft;
     struct spool merged_spool = {0};
     uint32_t *merged = NULL;
-    if (ingest->face_count == 0)
+    uint64_t degenerate = 0;
+    if (ingest->face_count == 0 && cleaning->degenerate_faces == 0)
         return has_no_faces(build, "");
     enum status status =
         weld_find(ingest, build->options->weld, &merged_spool, &merged, &cleaning->welded_vertices);
     if (status == STATUS_OK)
         status = take_over(build);
+    const bool is_numbered =
+        build->numbering && number_count(build->numbering) == draft->face_count && !merged;
+    if (status == STATUS_OK && is_numbered)
+        status = number_finish(&build->numbering, ingest->vertex_count);
+    else if (status == STATUS_OK && build->numbering)
+        status = number_take_back(&build->numbering);
     if (status == STATUS_OK && merged)
         status = draft_map_corners(draft, &merged_spool, merged, ingest->vertex_count);
     spool_clear(&merged_spool);
-    if (status == STATUS_OK)
-        status =
-            draft_number(draft, ingest->vertex_count, NULL, NULL, 0, &cleaning->degenerate_faces);
+    if (status == STATUS_OK && !is_numbered)
+        status = draft_number(draft, ingest->vertex_count, NULL, NULL, 0, &degenerate);
     if (status != STATUS_OK)
         return status;
+    cleaning->degenerate_faces += degenerate;
     cleaning->unreferenced_vertices =
         cleaning->input_vertices - cleaning->welded_vertices - build->draft.vertex_count;
     if (build->draft.face_count == 0)
@@ -340,6 +371,7 @@ static enum status build_store(struct build *build, const char *store_path, stru
                     (unsigned long long)(least + build->ctx->memory_aside));
     draft_init(build->ctx, &build->draft, store_path, shift, build->options->working_memory);
     enum status status = run(build, store_path);
+    number_drop(&build->numbering);
     draft_clear(&build->draft);
     ingest_clear(&build->ingest);
     if (status == STATUS_OK && info)
