@@ -11,11 +11,12 @@
 
 #include "base/memory.h"
 
+enum { FORGET_SEAMS = 4096 }; /* looked at pages of the neighbours, each one of its own at worst */
+
 static bool are_kept(const struct draft *draft)
 {
     const uint64_t page = (uint64_t)sysconf(_SC_PAGESIZE);
-    return draft->neighbour_spool.map && draft->mate_spool.map &&
-           ((uint64_t)1 << draft->slab_shift) % page == 0;
+    return draft->neighbour_spool.map && ((uint64_t)1 << draft->slab_shift) % page == 0;
 }
 
 void draft_drop_seams(struct draft *draft)
@@ -39,8 +40,10 @@ static void enter(const struct draft *draft, const struct seam *seams, size_t co
 enum status draft_add_seams(struct draft *draft, const struct seam *seams, size_t count)
 {
     if (!are_kept(draft)) {
-        enter(draft, seams, count);
-        draft_forget_all(draft);
+        for (size_t i = 0; i < count; i += FORGET_SEAMS) {
+            enter(draft, seams + i, count - i < FORGET_SEAMS ? count - i : FORGET_SEAMS);
+            draft_forget_all(draft);
+        }
         return STATUS_OK;
     }
     enum status status = STATUS_OK;
