@@ -277,7 +277,7 @@ enum status read_chain_info(struct context *ctx, const char *chains, struct chai
 }
 
 enum status make_levels(struct context *ctx, const char *chains, const char *output,
-                        const spbm_target *target, const spbm_lod_options *options,
+                        const spbm_target *target, const spbm_lod_options *options, bool is_own,
                         struct lod_report *report)
 {
     struct lod_options lod = {
@@ -285,6 +285,7 @@ enum status make_levels(struct context *ctx, const char *chains, const char *out
         .place = (enum placement)options->place,
         .output = output,
         .export = {.format = (enum export_format)options->format, .sync = options->sync != 0},
+        .is_own_file = is_own,
     };
     return lod_build(ctx, chains, &lod, report);
 }
@@ -313,7 +314,7 @@ spbm_status spbm_lod(spbm_job *job, const char *chains, const char *output,
         status = stage_begin(job, STAGE_LOD, &size);
     }
     if (status == STATUS_OK)
-        status = make_levels(ctx, chains, output, target, options, &report);
+        status = make_levels(ctx, chains, output, target, options, false, &report);
     if (levels && (status == STATUS_OK || status == STATUS_TARGET_MISSED))
         copy_levels(levels, &report, &info);
     return call_end(job, status);

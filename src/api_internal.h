@@ -67,8 +67,9 @@ enum { KEPT_LEVEL = 1 };
 /* What lod_build does not report: the figures that words about a level need. */
 enum status read_chain_info(struct context *ctx, const char *chains,
                             struct chain_info *info) MUST_CHECK;
+/* `is_own`: chain_file_trust. */
 enum status make_levels(struct context *ctx, const char *chains, const char *output,
-                        const spbm_target *target, const spbm_lod_options *options,
+                        const spbm_target *target, const spbm_lod_options *options, bool is_own,
                         struct lod_report *report) MUST_CHECK;
 
 /* Where store and chain file of a whole run lie: kept under names, or in files without one. */

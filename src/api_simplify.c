@@ -177,6 +177,7 @@ static enum status patchify_stage(struct run *run)
     struct patch_request request =
         make_request(&options->patch, keeps ? KEPT_LEVEL : 0,
                      is_resumable(run) || (keeps && options->patch.sync));
+    request.is_own_store = run->work.store_fd >= 0;
     enum status status = STATUS_OK;
     if (!resumed) {
         status = stage_begin(run->job, STAGE_PATCHIFY, &run->size);
@@ -200,7 +201,7 @@ static enum status lod_stage(struct run *run)
     enum status status = stage_begin(run->job, STAGE_LOD, &run->size);
     if (status == STATUS_OK)
         status = make_levels(run->ctx, run->work.chains, run->output, &options->target,
-                             &options->lod, &levels);
+                             &options->lod, run->work.chains_fd >= 0, &levels);
     if (status == STATUS_OK || status == STATUS_TARGET_MISSED) {
         stage_end(run, stage_name(STAGE_LOD), false);
         copy_levels(&run->report->levels, &levels, &run->chains);

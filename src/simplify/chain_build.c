@@ -234,6 +234,8 @@ static enum status open_all(struct build *build, const char *store_path, const c
         status = store_open(ctx, store_path, true, &build->store);
     if (status)
         return status;
+    if (request->is_own_store)
+        store_trust(build->store);
     const struct store_info *store = store_info(build->store);
     status = patch_fit(ctx, build->store, target, request, &build->options);
     if (status)

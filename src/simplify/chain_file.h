@@ -37,6 +37,9 @@ struct chain_file; /* opened for reading; blocks may be read from several thread
 enum status chain_file_open(struct context *ctx, const char *path, struct chain_file **out)
     MUST_CHECK;
 void chain_file_close(struct chain_file **file);
+/* Says that this very process wrote the file where nobody else can reach it: what has the right
+ * checksum is then as it was written, and loops are not followed again. */
+void chain_file_trust(struct chain_file *file);
 const struct chain_info *chain_file_info(const struct chain_file *file);
 /* Its path as given, for words. */
 const char *chain_file_name(const struct chain_file *file);

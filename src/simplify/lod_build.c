@@ -51,6 +51,8 @@ enum status lod_build(struct context *ctx, const char *chain_path,
     enum status status = chain_file_open(ctx, chain_path, &file);
     if (status != STATUS_OK)
         return status;
+    if (options->is_own_file)
+        chain_file_trust(file);
     const struct chain_info *info = chain_file_info(file);
     status = lod_target_levels(ctx, &options->target, info, report);
     if (status == STATUS_OK)

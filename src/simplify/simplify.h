@@ -37,6 +37,7 @@ struct patch_request {
     bool chain_tolerance_is_relative; /* fraction of the diagonal */
     int level;             /* compression; 0 for a file that lives for one run */
     bool sync;
+    bool is_own_store;     /* store_trust */
 };
 
 /* Fills in what the user left open: deterministic, from the store's info alone. */
@@ -75,6 +76,7 @@ struct lod_options {
     enum placement place;
     const char *output;           /* a name; with several levels it holds %d (0 is the finest) */
     struct export_options export;
+    bool is_own_file; /* chain_file_trust */
 };
 
 /* One stage of joining the blocks' small meshes, mode collapse. */
