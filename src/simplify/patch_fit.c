@@ -31,10 +31,14 @@ enum { EXCERPTS = 4, EXCERPT_FACES = 1 << 13 };
 
 /* Patches for each face of the finest level, by effort; mode classic needs them to begin with.
  * Smooth scans need more of them: where noise breaks patches up, the small ones do no harm, and the
- * large ones are few. */
-static const double patches_a_face[4] = {0, 2.5, 8, 22};
-static const double patches_a_smooth_face[4] = {0, 6, 14, 40};
-static const double smooth_below = 0.045; /* noise, mean edges */
+ * large ones are few. Between the two bounds of noise, in mean edges, it is in proportion. Levels
+ * of many faces want up to FINE_MORE times as many: what looks like noise is also the terraces of
+ * voxels, whose shape patches of few faces must not lose. */
+static const double patches_a_face[4] = {0, 3, 6, 16};
+static const double patches_a_smooth_face[4] = {0, 7, 17, 40};
+static const double smooth_below = 0.035, noisy_above = 0.055;
+static const double few_faces = 0.02, many_faces = 0.1; /* of the surface's */
+static const double FINE_MORE = 4. / 3;
 /* So few patches cost nothing, and a level of a few hundred faces is better for them. */
 static const double patches_least[4] = {0, 4096, 8192, 8192};
 /* A small mesh of nearly all faces is hardly better: this part of the faces is enough patches, or
@@ -46,8 +50,9 @@ static const double classic_patches_a_face = 0.6;
 static const double bulge_part[4] = {0, 0.03, 0.025, 0.02};
 
 /* Patch angles to choose from, degrees, ascending; the face angle is FACE_PART of it. */
-static const double angles[] = {0.25, 0.5, 0.75, 1,  1.4, 2,  2.8, 3.5, 4.2, 5, 6,
-                                7,    8,   9,    10, 11,  12, 14,  16,  18,  20};
+static const double angles[] = {0.25, 0.5, 0.75, 1,   1.4, 2,   2.8, 3.5, 4.2, 5,    5.5,
+                                6,    6.5, 7,    7.5, 8,   8.5, 9,   9.5, 10,  10.5, 11,
+                                11.5, 12,  13,   14,  15,  16,  17,  18,  19,  20};
 enum { ANGLES = sizeof angles / sizeof *angles };
 static const double FACE_PART = 0.85;
 
@@ -290,16 +295,30 @@ static struct fineness find_finest(const struct store_info *info, const struct t
     return finest;
 }
 
+/* Where x lies between low and high: 0 to 1. */
+static double part_between(double x, double low, double high)
+{
+    return fmin(fmax((x - low) / (high - low), 0), 1);
+}
+
+static double patches_wanted(const struct store_info *info, const struct target *target,
+                             double faces)
+{
+    if (target->mode == MODE_CLASSIC)
+        return classic_patches_a_face * faces;
+    const uint32_t effort = target->effort;
+    const double noisy = part_between(info->noise, smooth_below, noisy_above);
+    const double fine = part_between(faces / (double)info->topology.faces, few_faces, many_faces);
+    const double rough = patches_a_face[effort] * (1 + (FINE_MORE - 1) * fine);
+    const double smooth = patches_a_smooth_face[effort];
+    return fmax((smooth + noisy * (rough - smooth)) * faces, patches_least[effort]);
+}
+
 static bool are_fine_enough(const struct store_info *info, const struct target *target,
                             const struct fineness *finest, double angle, double patches)
 {
-    const double *by_effort = info->noise < smooth_below ? patches_a_smooth_face : patches_a_face;
-    const double wanted =
-        target->mode == MODE_CLASSIC
-            ? classic_patches_a_face * finest->faces
-            : fmax(by_effort[target->effort] * finest->faces, patches_least[target->effort]);
-    const double part = most_part * (double)info->topology.faces;
-    const double most = most_a_face * finest->faces > part ? most_a_face * finest->faces : part;
+    const double wanted = patches_wanted(info, target, finest->faces);
+    const double most = fmax(most_a_face * finest->faces, most_part * (double)info->topology.faces);
     if (finest->faces > 0 && patches < wanted && patches < most)
         return false;
     if (finest->error <= 0 || patches <= 0)
