@@ -380,9 +380,8 @@ bool output_can_restart(const struct output *out)
 {
     struct stat info;
     const off_t written = (off_t)(out->position - out->used);
-    return out->is_regular ||
-           (fstat(out->fd, &info) == 0 && S_ISREG(info.st_mode) && info.st_size == written &&
-            lseek(out->fd, 0, SEEK_CUR) == written);
+    return out->is_regular || (fstat(out->fd, &info) == 0 && S_ISREG(info.st_mode) &&
+                               info.st_size == written && lseek(out->fd, 0, SEEK_CUR) == written);
 }
 
 enum status output_restart(struct output *out)
@@ -391,8 +390,7 @@ enum status output_restart(struct output *out)
     out->position = 0;
     out->crc = 0;
     bool injected = fault_due(out->ctx);
-    if (injected || ftruncate(out->fd, 0) != 0 ||
-        lseek(out->fd, 0, SEEK_SET) != 0)
+    if (injected || ftruncate(out->fd, 0) != 0 || lseek(out->fd, 0, SEEK_SET) != 0)
         return refuse(out, injected, "write again");
     return STATUS_OK;
 }

@@ -87,6 +87,10 @@ struct spool {
 void spool_init(struct context *ctx, struct spool *spool, const char *beside,
                 uint64_t memory_limit);
 enum status spool_append(struct spool *spool, const void *data, size_t size) MUST_CHECK;
+/* Room for `size` bytes at once, if they may be in memory: spares the growing, and most of the page
+ * faults. `size` is what will come, or a guess: too little does no harm, too much is given back at
+ * the sealing. */
+enum status spool_reserve(struct spool *spool, uint64_t size) MUST_CHECK;
 /* Ends the appending. *data is valid until spool_clear, and may be written to (a private change
  * of an in-memory spool, a shared one of a file). `*data` is never NULL, even for size 0. */
 enum status spool_seal(struct spool *spool, void **data) MUST_CHECK;

@@ -37,8 +37,9 @@ struct instream {
     char *name;
     int fd;
     bool owns_fd;
-    bool raw_ended; /* read(2) has said so */
-    bool ended;     /* no more bytes will become visible */
+    bool raw_ended;     /* read(2) has said so */
+    uint64_t file_size; /* 0: no regular file */
+    bool ended;         /* no more bytes will become visible */
 
     unsigned char *buffer;
     size_t capacity, begin, end;
@@ -69,6 +70,8 @@ static enum status open_descriptor(struct instream *stream, const char *path)
         return fail_errno(ctx, errno, "%s: cannot be examined", stream->name);
     if (S_ISDIR(info.st_mode))
         return fail(ctx, STATUS_BAD_INPUT, "%s: is a directory", stream->name);
+    if (S_ISREG(info.st_mode) && info.st_size > 0)
+        stream->file_size = (uint64_t)info.st_size;
     if (S_ISREG(info.st_mode))
         (void)posix_fadvise(stream->fd, 0, 0, POSIX_FADV_SEQUENTIAL);
     return STATUS_OK;
@@ -245,6 +248,11 @@ void instream_take(struct instream *stream, size_t size)
 uint64_t instream_position(const struct instream *stream)
 {
     return stream->position;
+}
+
+uint64_t instream_file_size(const struct instream *stream)
+{
+    return stream->file_size;
 }
 
 const char *instream_name(const struct instream *stream)

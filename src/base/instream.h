@@ -28,6 +28,8 @@ void instream_take(struct instream *stream, size_t size);
 
 /* Position of the next byte in the (inflated) stream; name as given, or "standard input". */
 uint64_t instream_position(const struct instream *stream);
+/* Bytes of the file as it lies there; 0 for what is no regular file. */
+uint64_t instream_file_size(const struct instream *stream);
 const char *instream_name(const struct instream *stream);
 bool instream_is_gzip(const struct instream *stream);
 /* CRC-32 and count of all raw bytes taken so far (gzip: inflated so far): the provenance. They are

@@ -123,6 +123,20 @@ static enum status map_file(struct spool *spool)
     return STATUS_OK;
 }
 
+enum status spool_reserve(struct spool *spool, uint64_t size)
+{
+    if (spool->fd >= 0 || spool->is_sealed || size > spool->memory_limit ||
+        size <= spool->capacity || size > SIZE_MAX)
+        return STATUS_OK;
+    enum status status =
+        memory_resize(spool->ctx, &spool->memory, spool->capacity, (size_t)size, 1);
+    if (status == STATUS_OK)
+        spool->capacity = (size_t)size;
+    if (status == STATUS_OK)
+        memory_use_whole(spool->memory, spool->capacity, 1);
+    return status;
+}
+
 enum status spool_set_private(struct spool *spool, bool is_private)
 {
     if (!spool->map)
@@ -209,8 +223,10 @@ enum status spool_scratch(struct context *ctx, struct spool *spool, const char *
     enum status status;
     if (size <= memory_limit && size <= SIZE_MAX) {
         status = memory_take_zeroed(ctx, (size_t)size, 1, &spool->memory);
-        if (status == STATUS_OK)
+        if (status == STATUS_OK) {
             spool->capacity = spool->used = (size_t)size;
+            memory_use_whole(spool->memory, spool->capacity, 1);
+        }
     } else {
         status = reserve_file(spool, size);
     }

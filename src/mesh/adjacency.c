@@ -287,6 +287,21 @@ static enum status collect(const struct build *build, const struct slab_edges *s
     return STATUS_OK;
 }
 
+/* Three edges for two faces, and some of borders; more if it takes them. */
+static enum status reserve_filed(struct matcher *m)
+{
+    const size_t faces = m->scope.face_count, count = faces / 2 * 3 + faces / 32 + 64;
+    if (m->filed_capacity >= count)
+        return STATUS_OK;
+    enum status status =
+        memory_resize(m->scope.ctx, &m->filed, m->filed_capacity, count, sizeof *m->filed);
+    if (status == STATUS_OK) {
+        m->filed_capacity = count;
+        memory_use_whole(m->filed, count, sizeof *m->filed);
+    }
+    return status;
+}
+
 static enum status match_slab(void *user, uint64_t job, unsigned worker)
 {
     struct build *build = user;
@@ -300,8 +315,7 @@ static enum status match_slab(void *user, uint64_t job, unsigned worker)
         status = memory_reserve(draft->ctx, &m->head, &m->head_capacity,
                                 scope_local_count(&m->scope), sizeof *m->head);
     if (status == STATUS_OK)
-        status = memory_reserve(draft->ctx, &m->filed, &m->filed_capacity,
-                                (size_t)m->scope.face_count / 4 * 7, sizeof *m->filed);
+        status = reserve_filed(m);
     if (status != STATUS_OK)
         return status;
     const uint32_t first = m->scope.face_first;

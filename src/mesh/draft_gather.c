@@ -122,8 +122,9 @@ static enum status gather_array(struct gathering *g, struct spool *spool, void *
     g->size = size;
     g->used = 0;
     spool_init(draft->ctx, &g->to, draft->room.beside, room_spool_limit(&draft->room, 3));
-    enum status status =
-        lookup_open(&draft->room, &g->lookup, spool, data, size, spool->size / size);
+    enum status status = spool_reserve(&g->to, g->next_count * size);
+    if (status == STATUS_OK)
+        status = lookup_open(&draft->room, &g->lookup, spool, data, size, spool->size / size);
     if (status == STATUS_OK)
         status = gather_now(g, &is_done);
     if (status == STATUS_OK && !is_done) {

@@ -67,14 +67,17 @@ static struct ingest_input *current(struct ingest *ingest)
 static enum status sink_begin(void *user, const struct attributes *attributes, bool is_soup,
                               uint64_t expected_vertices, uint64_t expected_faces)
 {
-    (void)expected_vertices;
-    (void)expected_faces;
     struct ingest *ingest = user;
     struct ingest_input *input = current(ingest);
+    enum status status = STATUS_OK;
     if (attributes)
         input->attributes = *attributes;
     input->is_soup = is_soup;
-    return STATUS_OK;
+    if (expected_faces <= ingest->credible / 12)
+        status = spool_reserve(&ingest->face_spool, ingest->face_spool.size + 12 * expected_faces);
+    if (expected_vertices <= ingest->credible / 12)
+        input->expected_vertices = expected_vertices;
+    return status;
 }
 
 static enum status append_as_doubles(struct ingest *ingest, size_t count, const float *floats)
@@ -110,7 +113,10 @@ static enum status sink_vertices(void *user, size_t count, const float *floats,
     } else if (ingest->double_first != UINT64_MAX) {
         status = append_as_doubles(ingest, count, floats);
     } else {
-        status = spool_append(&ingest->float_spool, floats, 3 * count * sizeof *floats);
+        status = spool_reserve(&ingest->float_spool,
+                               12 * (input->vertex_first + input->expected_vertices));
+        if (status == STATUS_OK)
+            status = spool_append(&ingest->float_spool, floats, 3 * count * sizeof *floats);
     }
     if (status == STATUS_OK && input->attributes.stride)
         status = spool_append(&input->record_spool, records, count * input->attributes.stride);

@@ -14,6 +14,7 @@ struct ingest_input {
     const char *name; /* borrowed, for messages */
     uint64_t vertex_first;
     uint64_t vertex_count;
+    uint64_t expected_vertices; /* as it claims; 0: unknown, or more than is credible */
     bool is_soup;
     struct attributes attributes;
     struct spool record_spool;
@@ -46,6 +47,7 @@ struct ingest {
                                  of the vertices when it came, 0: none was */
     uint64_t largest_face;    /* the file's number of the face that has it */
 
+    uint64_t credible; /* bytes of memory that the current input's claims are believed for */
     uint64_t vertex_count;
     uint64_t input_faces;   /* as the files have them */
     uint64_t polygon_faces; /* triangles that polygons gave */

@@ -19,6 +19,7 @@
 #include "base/external_sort.h"
 #include "base/memory.h"
 #include "base/parallel.h"
+#include "base/radix_sort.h"
 #include "geom/space_curve.h"
 #include "mesh/lookup.h"
 
@@ -275,6 +276,109 @@ bool order_is_scattered(const struct draft *draft)
 {
     return draft->slab_shift >= JUDGED_SHIFT_MIN &&
            draft->foreign_corners > draft->face_count / 8 * 9;
+}
+
+struct crossing_count { /* one a worker */
+    uint64_t *keys, *scratch;
+    size_t capacity, scratch_capacity;
+};
+
+struct counting {
+    struct draft *draft;
+    struct crossing_count *workers;
+    uint64_t *found; /* a slab in flight */
+    uint64_t sum, limit;
+};
+
+/* Sides between shared vertices: the edges' ends, the lower first. */
+static enum status collect_sides(struct counting *c, uint64_t slab, struct crossing_count *worker,
+                                 size_t *count)
+{
+    const struct draft *draft = c->draft;
+    const uint64_t first = slab << draft->slab_shift, end = slab_end(draft, slab);
+    spool_expect(&draft->face_spool, first * 12, (end - first) * 12);
+    *count = 0;
+    for (uint64_t f = first; f < end; f++) {
+        const uint32_t *face = draft->faces + 3 * f;
+        bool shared[3];
+        for (int k = 0; k < 3; k++)
+            shared[k] = is_shared(draft, face[k]);
+        if (shared[0] + shared[1] + shared[2] < 2)
+            continue;
+        enum status status = memory_reserve(draft->ctx, &worker->keys, &worker->capacity,
+                                            *count + 3, sizeof *worker->keys);
+        if (status != STATUS_OK)
+            return status;
+        for (unsigned k = 0; k < 3; k++) {
+            const uint32_t a = face[k], b = face[next3(k)];
+            if (shared[k] && shared[next3(k)])
+                worker->keys[(*count)++] = a < b ? (uint64_t)a << 32 | b : (uint64_t)b << 32 | a;
+        }
+    }
+    return STATUS_OK;
+}
+
+/* Those that come once in the slab have their other side, if any, in another one. */
+static enum status count_crossing(void *user, uint64_t job, unsigned number)
+{
+    struct counting *c = user;
+    struct context *ctx = c->draft->ctx;
+    struct crossing_count *worker = &c->workers[number];
+    unsigned char *bytes;
+    size_t count;
+    enum status status = collect_sides(c, job, worker, &count);
+    if (status == STATUS_OK)
+        status = memory_reserve(ctx, &worker->scratch, &worker->scratch_capacity, count,
+                                sizeof *worker->scratch);
+    if (status == STATUS_OK)
+        status = radix_sort(ctx, (unsigned char *)worker->keys, (unsigned char *)worker->scratch,
+                            count, sizeof *worker->keys, 1, &bytes);
+    if (status != STATUS_OK)
+        return status;
+    const uint64_t *keys = bytes == (unsigned char *)worker->keys ? worker->keys : worker->scratch;
+    uint64_t found = 0;
+    for (size_t i = 0, group = 0; i < count; i++) {
+        if (i + 1 < count && keys[i + 1] == keys[i])
+            continue;
+        found += i == group;
+        group = i + 1;
+    }
+    c->found[job % c->draft->room.in_flight] = found;
+    return STATUS_OK;
+}
+
+static enum status add_crossing(void *user, uint64_t job)
+{
+    struct counting *c = user;
+    c->sum += c->found[job % c->draft->room.in_flight];
+    draft_forget_slab(c->draft, job);
+    return c->sum > c->limit ? STATUS_CANCELLED : STATUS_OK; /* no failure: it ends the loop */
+}
+
+enum status order_crosses_too_much(struct draft *draft, bool *too_much)
+{
+    struct context *ctx = draft->ctx;
+    struct counting c = {.draft = draft, .limit = order_crossing_limit(draft)};
+    *too_much = false;
+    if (draft->foreign_corners <= c.limit)
+        return STATUS_OK;
+    enum status status = memory_take_zeroed(ctx, ctx->threads, sizeof *c.workers, &c.workers);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, draft->room.in_flight, sizeof *c.found, &c.found);
+    if (status == STATUS_OK)
+        status = parallel_ordered(ctx, draft->slab_count, draft->room.in_flight, count_crossing,
+                                  add_crossing, &c);
+    *too_much = c.sum > c.limit;
+    if (status == STATUS_CANCELLED && *too_much)
+        status = STATUS_OK;
+    for (unsigned i = 0; c.workers && i < ctx->threads; i++) {
+        struct crossing_count *worker = &c.workers[i];
+        memory_release(ctx, &worker->keys, worker->capacity, sizeof *worker->keys);
+        memory_release(ctx, &worker->scratch, worker->scratch_capacity, sizeof *worker->scratch);
+    }
+    memory_release(ctx, &c.workers, ctx->threads, sizeof *c.workers);
+    memory_release(ctx, &c.found, draft->room.in_flight, sizeof *c.found);
+    return status;
 }
 
 static enum status prepare(struct ordering *o, const struct frame *frame)

@@ -19,6 +19,11 @@ uint64_t order_crossing_limit(const struct draft *draft);
  * than 3/8 of all corners are vertices of earlier slabs. (A fan of any size has 1/3.) */
 bool order_is_scattered(const struct draft *draft);
 
+/* Whether more edges cross than order_crossing_limit allows: what adjacency_build would find, at a
+ * tenth of its price. Looked at only where it may be so: by the corners that are vertices of
+ * earlier slabs, of which there are one or two for each such edge. */
+enum status order_crosses_too_much(struct draft *draft, bool *too_much) MUST_CHECK;
+
 /* Sorts the faces along the Hilbert curve by their centres, ties in their order so far, and numbers
  * the draft anew. The draft has no adjacency before or after. */
 enum status order_along_curve(struct draft *draft, const struct frame *frame) MUST_CHECK;

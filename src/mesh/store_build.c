@@ -64,6 +64,8 @@ static enum status read_input(struct build *build, const char *path, bool is_fir
         return status;
     if (is_first)
         remember_name(info, instream_name(stream));
+    /* Text has about as many bytes as what it becomes, and packed text a quarter. */
+    build->ingest.credible = 4 * instream_file_size(stream);
     status = ingest_begin(&build->ingest, path, &sink);
     if (status == STATUS_OK)
         status = import_read(build->ctx, stream, &sink);
@@ -203,7 +205,13 @@ static enum status take_faces(struct build *build)
 static enum status order_and_match(struct build *build, struct adjacency *adjacency)
 {
     struct draft *draft = &build->draft;
-    if (!order_is_scattered(draft)) {
+    bool too_much = order_is_scattered(draft);
+    if (!too_much) {
+        enum status status = order_crosses_too_much(draft, &too_much);
+        if (status != STATUS_OK)
+            return status;
+    }
+    if (!too_much) {
         enum status status = adjacency_build(draft, order_crossing_limit(draft), adjacency);
         if (status != STATUS_OK || !adjacency->is_over_limit)
             return status;
