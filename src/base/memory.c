@@ -288,8 +288,9 @@ void memory_keep_spares(struct context *ctx, bool keep)
 
 void memory_use_whole(void *block, size_t count, size_t size)
 {
+    /* All of the map, with its guard: one of two kinds could not be moved (mremap). */
     if (is_map(count * size))
-        (void)madvise(block, map_bytes(count * size), MADV_HUGEPAGE);
+        (void)madvise(block, map_bytes(count * size) + guard_bytes(), MADV_HUGEPAGE);
 }
 
 void memory_release(struct context *ctx, void *inout, size_t count, size_t size)
