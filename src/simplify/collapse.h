@@ -20,9 +20,11 @@ struct collapse_options {
     bool together;        /* use all threads of the context for this one mesh */
     bool keep_guards;     /* rather stop than make slivers and turn faces over, where only these
                              stand in the way of fewer faces */
-    const char *source;   /* the file that the mesh was made from: damage to it is then the reason
-                             when the mesh is not manifold (STATUS_BAD_INPUT). NULL: the caller's
-                             defect (STATUS_INTERNAL) */
+    bool roughly;       /* errors are not measured on the way: witnesses are carried along, no edge
+                           waits for its error; not with a bound of the error */
+    const char *source; /* the file that the mesh was made from: damage to it is then the reason
+                           when the mesh is not manifold (STATUS_BAD_INPUT). NULL: the caller's
+                           defect (STATUS_INTERNAL) */
 };
 
 struct collapse; /* the mesh being simplified */

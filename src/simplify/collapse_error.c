@@ -329,6 +329,25 @@ bool edge_keeps_witnesses(const struct collapse *c, const struct edge_change *ch
     return true;
 }
 
+void edge_guess_error(const struct collapse *c, const struct edge_change *change,
+                      struct edge_error *error)
+{
+    float largest = -1;
+    for (int end = 0; end < 2; end++) {
+        float offset[3];
+        witness_get(c, end ? change->w : change->v, offset);
+        for (int k = 0; k < 3; k++)
+            offset[k] -= change->to[end][k];
+        const float square = offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2];
+        if (square <= largest)
+            continue;
+        largest = square;
+        memcpy(error->witness, offset, sizeof offset);
+    }
+    error->forward = error->between = 0;
+    error->offset = (offset_get(c, change->v) + offset_get(c, change->w)) / 2;
+}
+
 void edge_find_error(const struct collapse *c, const struct edge_change *change, double enough,
                      struct edge_error *error)
 {

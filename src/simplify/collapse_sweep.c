@@ -252,7 +252,10 @@ static enum trial try_edge(struct collapse *c, struct territory *t, uint32_t v,
     /* rounding on flat faces is no error to go by */
     const double typical =
         c->typical_error > 0 ? fmax(c->typical_error, ERROR_LEAST / (double)c->unit) : 0;
-    edge_find_error(c, &change, fmin(typical, c->error_bound), &found);
+    if (c->options.roughly)
+        edge_guess_error(c, &change, &found);
+    else
+        edge_find_error(c, &change, fmin(typical, c->error_bound), &found);
     const double offset = fabs((double)found.offset);
     const double error = fmax(found.forward, fmax(offset, found.between));
     if (error > c->error_bound ||

@@ -6,7 +6,11 @@
  * Blocks are independent jobs, their seam vertices locked, and go down to SLACK times the density
  * that the finest level needs; then they are joined, JOIN_WIDTH at a time along the curve, what has
  * become interior is unlocked and goes down with the rest, up to the root, which makes the levels,
- * finest first, in one sequence. What is done depends on the chain file and the targets only.
+ * finest first, in one sequence. Down to SLACK times the density no collapse comes near the errors
+ * that the levels will have, so that they are measured only where an error is asked for or the root
+ * is at work: the mean errors stay within half a percent, the largest go up and down alike (noisy
+ * scan, dragon; a quarter of the time of nodes below the root). What is done depends on the chain
+ * file and the targets only.
  */
 #include "simplify/lod_collapse.h"
 
@@ -93,6 +97,7 @@ static enum status thin_node(struct lod *lod, uint32_t node)
     if ((double)mesh->triangles.face_count <= wanted || lod->node_count == 1)
         return STATUS_OK;
     options.keep_guards = true; /* the root has more to choose from */
+    options.roughly = !(lod->finest_error < INFINITY);
     enum status status = memory_take_zeroed(ctx, vertices, 1, &mesh->triangles.locked);
     if (status != STATUS_OK)
         return status;
