@@ -17,6 +17,7 @@
 
 #include "base/forest.h"
 #include "base/memory.h"
+#include "simplify/topology_pieces.h"
 
 /* Normals that differ from a loop's by less than 45 degrees are not steep. */
 static const double steep_cosine = 0.70710678118654757;
@@ -25,32 +26,12 @@ static const double steep_share = 0.1;
 /* Depth of a bump or cavity by the size of its loop, below which it is noise. */
 static const double least_depth = 1e-3;
 
-enum piece_state { PIECE_STAYS = 0, PIECE_WAITS, PIECE_GOES };
-
-struct piece {
-    struct vec3 low, high;
-    uint32_t first_edge, edge_count;   /* its cut edges: half-edges on its own side */
-    uint32_t first_patch, patch_count; /* its patches */
-    uint32_t flat_edges;               /* cut edges whose flat side it has, and whose wall stays */
-    uint32_t wall_edges;
-    uint32_t large; /* list of large loops inside it */
-    uint8_t state;
-};
-
 struct finder {
-    struct chain_graph *graph;
+    struct piece_set set;
     const struct rim_options *options;
     bool keep_pipes;
-    struct rim_set rims;
-    uint32_t *piece_of; /* a patch */
-    struct piece *pieces;
-    uint32_t piece_count;
-    uint32_t *edges;   /* half-edges by piece */
-    uint32_t *patches; /* by piece */
-    size_t edge_total;
-    uint32_t *large_next; /* a large loop: the next in the same piece */
-    uint32_t *gone;       /* a patch: 0 it stays, 1 it goes */
-    uint8_t *visited;     /* a half-edge */
+    uint32_t *gone;   /* a patch: 0 it stays, 1 it goes */
+    uint8_t *visited; /* a half-edge */
     uint32_t *queue;
     uint32_t queue_begin, queue_end;
     struct loop_points points;
@@ -74,135 +55,6 @@ enum status feature_list_add(struct context *ctx, struct feature_list *list,
     return status;
 }
 
-/* ---- union-find over patches ---- */
-
-/* Turns the forest into numbers from 0, in the order of the lowest patches. */
-static uint32_t number_roots(uint32_t *parents, uint32_t count)
-{
-    uint32_t next = 0;
-    for (uint32_t p = 0; p < count; p++)
-        parents[p] = forest_root(parents, p);
-    /* A root is its own parent and precedes its members, so its place can take the number: numbers
-     * never exceed places. */
-    for (uint32_t p = 0; p < count; p++)
-        parents[p] = parents[p] == p ? next++ : parents[parents[p]];
-    return next;
-}
-
-static inline uint32_t patch_of(const struct finder *finder, uint32_t h)
-{
-    return finder->graph->half_edges[h].patch;
-}
-
-/* ---- pieces ---- */
-
-static void widen_piece(struct piece *piece, struct vec3 at)
-{
-    piece->low = vec3_make(at.x < piece->low.x ? at.x : piece->low.x,
-                           at.y < piece->low.y ? at.y : piece->low.y,
-                           at.z < piece->low.z ? at.z : piece->low.z);
-    piece->high = vec3_make(at.x > piece->high.x ? at.x : piece->high.x,
-                            at.y > piece->high.y ? at.y : piece->high.y,
-                            at.z > piece->high.z ? at.z : piece->high.z);
-}
-
-static enum status take_pieces(struct finder *finder)
-{
-    struct chain_graph *graph = finder->graph;
-    struct context *ctx = graph->ctx;
-    uint32_t *piece_of = finder->piece_of;
-    for (uint32_t p = 0; p < graph->patch_count; p++)
-        piece_of[p] = p;
-    for (uint32_t e = 0; e < graph->edge_count; e++) {
-        uint32_t a = patch_of(finder, 2 * e), b = patch_of(finder, 2 * e + 1);
-        if (a != NO_PATCH && b != NO_PATCH && rim_flat_side(&finder->rims, e) == NO_INDEX)
-            forest_join(piece_of, a, b);
-    }
-    finder->piece_count = number_roots(piece_of, graph->patch_count);
-    enum status status =
-        memory_take(ctx, finder->piece_count, sizeof *finder->pieces, &finder->pieces);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, finder->piece_count, sizeof *finder->queue, &finder->queue);
-    if (status != STATUS_OK)
-        return status;
-    const struct piece empty = {.low = {INFINITY, INFINITY, INFINITY},
-                                .high = {-INFINITY, -INFINITY, -INFINITY},
-                                .large = NO_INDEX};
-    for (uint32_t i = 0; i < finder->piece_count; i++)
-        finder->pieces[i] = empty;
-    for (uint32_t h = 0; h < 2 * graph->edge_count; h++)
-        if (patch_of(finder, h) != NO_PATCH)
-            widen_piece(&finder->pieces[piece_of[patch_of(finder, h)]],
-                        vertex_point(graph, graph->half_edges[h].origin));
-    return STATUS_OK;
-}
-
-/* True when the edge of h is cut, with another piece on each side. */
-static bool parts_pieces(const struct finder *finder, uint32_t h)
-{
-    uint32_t a = patch_of(finder, h), b = patch_of(finder, h ^ 1);
-    return a != NO_PATCH && rim_flat_side(&finder->rims, h / 2) != NO_INDEX &&
-           (b == NO_PATCH || finder->piece_of[a] != finder->piece_of[b]);
-}
-
-/* Lists each piece's cut edges and patches. A rim that parts nothing, as at a hole whose other end
- * is large, is none. */
-static enum status list_pieces(struct finder *finder)
-{
-    struct chain_graph *graph = finder->graph;
-    struct context *ctx = graph->ctx;
-    struct piece *pieces = finder->pieces;
-    for (uint32_t h = 0; h < 2 * graph->edge_count; h++) {
-        uint32_t flat = rim_flat_side(&finder->rims, h / 2);
-        if (!parts_pieces(finder, h))
-            continue;
-        struct piece *piece = &pieces[finder->piece_of[patch_of(finder, h)]];
-        piece->edge_count++;
-        piece->flat_edges += flat == h;
-        piece->wall_edges += flat != h;
-        finder->edge_total++;
-    }
-    for (uint32_t p = 0; p < graph->patch_count; p++)
-        pieces[finder->piece_of[p]].patch_count++;
-    enum status status =
-        memory_take(ctx, finder->edge_total, sizeof *finder->edges, &finder->edges);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, graph->patch_count, sizeof *finder->patches, &finder->patches);
-    if (status != STATUS_OK)
-        return status;
-    for (uint32_t i = 1; i < finder->piece_count; i++) {
-        pieces[i].first_edge = pieces[i - 1].first_edge + pieces[i - 1].edge_count;
-        pieces[i].first_patch = pieces[i - 1].first_patch + pieces[i - 1].patch_count;
-    }
-    for (uint32_t i = 0; i < finder->piece_count; i++)
-        pieces[i].edge_count = pieces[i].patch_count = 0;
-    for (uint32_t h = 0; h < 2 * graph->edge_count; h++) {
-        if (!parts_pieces(finder, h))
-            continue;
-        struct piece *piece = &pieces[finder->piece_of[patch_of(finder, h)]];
-        finder->edges[piece->first_edge + piece->edge_count++] = h;
-    }
-    for (uint32_t p = 0; p < graph->patch_count; p++) {
-        struct piece *piece = &pieces[finder->piece_of[p]];
-        finder->patches[piece->first_patch + piece->patch_count++] = p;
-    }
-    return STATUS_OK;
-}
-
-/* Large loops count against the piece that they lie in; those along a rim are the flat side's. */
-static enum status list_large(struct finder *finder)
-{
-    enum status status = memory_take(finder->graph->ctx, finder->rims.large_count,
-                                     sizeof *finder->large_next, &finder->large_next);
-    for (size_t i = 0; i < finder->rims.large_count && status == STATUS_OK; i++) {
-        uint32_t h = finder->rims.large[i].first;
-        struct piece *piece = &finder->pieces[finder->piece_of[patch_of(finder, h)]];
-        finder->large_next[i] = piece->large;
-        piece->large = (uint32_t)i;
-    }
-    return status;
-}
-
 /* ---- is it a feature? ---- */
 
 /* What its loops tell of a piece. */
@@ -215,13 +67,21 @@ struct outline {
 static void set_gone(struct finder *finder, const struct piece *piece, uint32_t gone)
 {
     for (uint32_t i = 0; i < piece->patch_count; i++)
-        finder->gone[finder->patches[piece->first_patch + i]] = gone;
+        finder->gone[finder->set.patches[piece->first_patch + i]] = gone;
+}
+
+/* The same with its followers. */
+static void set_all_gone(struct finder *finder, const struct piece *piece, uint32_t gone)
+{
+    set_gone(finder, piece, gone);
+    for (uint32_t i = piece->follower; i != NO_INDEX; i = finder->set.pieces[i].next_follower)
+        set_gone(finder, &finder->set.pieces[i], gone);
 }
 
 /* True when h runs between what stays (left) and what goes (right). */
 static bool is_outline(const struct finder *finder, uint32_t h)
 {
-    uint32_t left = patch_of(finder, h), right = patch_of(finder, h ^ 1);
+    uint32_t left = patch_of(&finder->set, h), right = patch_of(&finder->set, h ^ 1);
     return left != NO_PATCH && right != NO_PATCH && !finder->gone[left] && finder->gone[right];
 }
 
@@ -229,15 +89,15 @@ static bool is_outline(const struct finder *finder, uint32_t h)
 static enum status trace_outline(struct finder *finder, const struct piece *piece,
                                  struct outline *outline)
 {
-    struct context *ctx = finder->graph->ctx;
+    struct context *ctx = finder->set.graph->ctx;
     enum status status = STATUS_OK;
     for (uint32_t i = 0; i < piece->edge_count && status == STATUS_OK; i++) {
-        uint32_t first = finder->edges[piece->first_edge + i] ^ 1;
+        uint32_t first = finder->set.edges[piece->first_edge + i] ^ 1;
         struct surface_loop loop;
         double size = 0;
         if (finder->visited[first] || !is_outline(finder, first))
             continue;
-        status = loop_trace(finder->graph, finder->gone, first, &finder->points, &loop);
+        status = loop_trace(finder->set.graph, finder->gone, first, &finder->points, &loop);
         if (status == STATUS_OK)
             status = loop_size(ctx, &finder->points, finder->options->measure, loop.normal, &size);
         for (uint32_t k = 0; k < finder->points.count; k++)
@@ -257,12 +117,12 @@ static enum status trace_outline(struct finder *finder, const struct piece *piec
 static void forget_visits(struct finder *finder, const struct piece *piece)
 {
     for (uint32_t i = 0; i < piece->edge_count; i++) {
-        uint32_t first = finder->edges[piece->first_edge + i] ^ 1, h = first;
+        uint32_t first = finder->set.edges[piece->first_edge + i] ^ 1, h = first;
         if (!finder->visited[first])
             continue;
         do {
             finder->visited[h] = 0;
-            h = loop_next(finder->graph, finder->gone, h);
+            h = loop_next(finder->set.graph, finder->gone, h);
         } while (finder->visited[h]);
     }
 }
@@ -271,10 +131,10 @@ static void forget_visits(struct finder *finder, const struct piece *piece)
 static bool has_walls(const struct finder *finder, const struct piece *piece,
                       const struct outline *outline)
 {
-    const struct chain_graph *graph = finder->graph;
+    const struct chain_graph *graph = finder->set.graph;
     double steep = 0, low = 0, high = 0;
     for (uint32_t i = 0; i < piece->patch_count; i++) {
-        uint32_t patch = finder->patches[piece->first_patch + i];
+        uint32_t patch = finder->set.patches[piece->first_patch + i];
         const struct graph_patch *record = &graph->patches[patch];
         uint32_t h = record->half_edge;
         if (fabs(vec3_dot(patch_normal(graph, patch), outline->normal)) < steep_cosine)
@@ -297,9 +157,9 @@ static bool has_walls(const struct finder *finder, const struct piece *piece,
 static bool widens_inside(const struct finder *finder, const struct piece *piece,
                           const struct outline *outline)
 {
-    for (uint32_t i = piece->large; i != NO_INDEX; i = finder->large_next[i]) {
-        const struct large_loop *large = &finder->rims.large[i];
-        uint32_t right = patch_of(finder, large->first ^ 1);
+    for (uint32_t i = piece->large; i != NO_INDEX; i = finder->set.large_next[i]) {
+        const struct large_loop *large = &finder->set.rims.large[i];
+        uint32_t right = patch_of(&finder->set, large->first ^ 1);
         if (right != NO_PATCH && finder->gone[right] &&
             fabs(vec3_dot(large->normal, outline->normal)) > steep_cosine)
             return true;
@@ -309,11 +169,12 @@ static bool widens_inside(const struct finder *finder, const struct piece *piece
 
 static enum status extent_of(struct finder *finder, const struct piece *piece, double *extent)
 {
-    const struct chain_graph *graph = finder->graph;
+    const struct chain_graph *graph = finder->set.graph;
     struct context *ctx = graph->ctx;
     size_t count = 0;
     for (uint32_t i = 0; i < piece->patch_count; i++) {
-        const struct graph_patch *record = &graph->patches[finder->patches[piece->first_patch + i]];
+        const struct graph_patch *record =
+            &graph->patches[finder->set.patches[piece->first_patch + i]];
         uint32_t h = record->half_edge;
         do {
             enum status status =
@@ -334,14 +195,16 @@ static enum status extent_of(struct finder *finder, const struct piece *piece, d
  * the head of a mushroom. They go with it. Counts the neighbours that stay. */
 static bool is_small_end(const struct finder *finder, uint32_t index, uint32_t stem)
 {
-    const struct piece *piece = &finder->pieces[index];
+    const struct piece *piece = &finder->set.pieces[index];
     struct vec3 sides = vec3_sub(piece->high, piece->low);
     double size = finder->options->size;
+    if (piece->state == PIECE_FOLLOWS)
+        return false;
     if (sides.x >= size || sides.y >= size || sides.z >= size || piece->large != NO_INDEX)
         return false;
     for (uint32_t i = 0; i < piece->edge_count; i++) {
-        uint32_t other = patch_of(finder, finder->edges[piece->first_edge + i] ^ 1);
-        if (other == NO_PATCH || (finder->piece_of[other] != stem && !finder->gone[other]))
+        uint32_t other = patch_of(&finder->set, finder->set.edges[piece->first_edge + i] ^ 1);
+        if (other == NO_PATCH || (finder->set.piece_of[other] != stem && !finder->gone[other]))
             return false;
     }
     return true;
@@ -349,47 +212,49 @@ static bool is_small_end(const struct finder *finder, uint32_t index, uint32_t s
 
 static uint32_t swallow_small_ends(struct finder *finder, uint32_t index)
 {
-    struct piece *piece = &finder->pieces[index];
+    struct piece *piece = &finder->set.pieces[index];
     uint32_t swallowed = 0, largest = NO_INDEX;
     bool all_small = true;
     for (uint32_t i = 0; i < piece->edge_count; i++) {
-        uint32_t patch = patch_of(finder, finder->edges[piece->first_edge + i] ^ 1);
+        uint32_t patch = patch_of(&finder->set, finder->set.edges[piece->first_edge + i] ^ 1);
         if (patch == NO_PATCH || finder->gone[patch])
             continue;
-        uint32_t other = finder->piece_of[patch];
+        uint32_t other = finder->set.piece_of[patch];
         if (!is_small_end(finder, other, index))
             all_small = false;
         else if (largest == NO_INDEX ||
-                 vec3_distance(finder->pieces[other].low, finder->pieces[other].high) >
-                     vec3_distance(finder->pieces[largest].low, finder->pieces[largest].high))
+                 vec3_distance(finder->set.pieces[other].low, finder->set.pieces[other].high) >
+                     vec3_distance(finder->set.pieces[largest].low,
+                                   finder->set.pieces[largest].high))
             largest = other;
     }
     for (uint32_t i = 0; i < piece->edge_count; i++) {
-        uint32_t patch = patch_of(finder, finder->edges[piece->first_edge + i] ^ 1);
+        uint32_t patch = patch_of(&finder->set, finder->set.edges[piece->first_edge + i] ^ 1);
         if (patch == NO_PATCH || finder->gone[patch])
             continue;
-        uint32_t other = finder->piece_of[patch];
+        uint32_t other = finder->set.piece_of[patch];
         if ((all_small && other == largest) || !is_small_end(finder, other, index))
             continue;
-        set_gone(finder, &finder->pieces[other], 1);
-        finder->pieces[other].state = PIECE_GOES;
+        set_all_gone(finder, &finder->set.pieces[other], 1);
+        finder->set.pieces[other].state = PIECE_GOES;
         swallowed++;
     }
     return swallowed;
 }
 
-static enum status judge_outline(struct finder *finder, uint32_t index, bool *goes)
+static enum status judge_outline(struct finder *finder, uint32_t index, bool *goes, bool *is_flat)
 {
-    struct piece *piece = &finder->pieces[index];
+    struct piece *piece = &finder->set.pieces[index];
     struct outline outline = {0};
     double size = 0;
-    *goes = false;
+    *goes = *is_flat = false;
     enum status status = trace_outline(finder, piece, &outline);
     if (status != STATUS_OK)
         return status;
     size = outline.size;
     if (status == STATUS_OK && finder->options->measure == LOOP_EXTENT && outline.loops > 0)
         status = extent_of(finder, piece, &size);
+    *is_flat = outline.loops == 1 && !has_walls(finder, piece, &outline);
     *goes = outline.loops > 0 && size < finder->options->size &&
             has_walls(finder, piece, &outline) && !widens_inside(finder, piece, &outline) &&
             (!finder->keep_pipes || outline.concave_loops < 2);
@@ -397,27 +262,65 @@ static enum status judge_outline(struct finder *finder, uint32_t index, bool *go
     return status;
 }
 
+/* The one other piece that is left round a piece, or NO_INDEX. */
+static uint32_t only_neighbour(const struct finder *finder, const struct piece *piece)
+{
+    uint32_t only = NO_INDEX;
+    for (uint32_t i = 0; i < piece->edge_count; i++) {
+        uint32_t patch = patch_of(&finder->set, finder->set.edges[piece->first_edge + i] ^ 1);
+        if (patch != NO_PATCH && finder->gone[patch])
+            continue;
+        if (patch == NO_PATCH || (only != NO_INDEX && only != finder->set.piece_of[patch]))
+            return NO_INDEX;
+        only = finder->set.piece_of[patch];
+    }
+    return only;
+}
+
+/* What has no walls was parted from its neighbour by noise only: it is a part of it, with all that
+ * follows it, and that one need not wait for it. */
+static void follow_neighbour(struct finder *finder, uint32_t index)
+{
+    struct piece *piece = &finder->set.pieces[index];
+    uint32_t neighbour = only_neighbour(finder, piece);
+    if (neighbour == NO_INDEX)
+        return;
+    struct piece *leader = &finder->set.pieces[neighbour];
+    piece->state = PIECE_FOLLOWS;
+    piece->next_follower = piece->follower;
+    uint32_t last = piece->follower != NO_INDEX ? piece->last_follower : index;
+    if (leader->follower == NO_INDEX)
+        leader->last_follower = last;
+    finder->set.pieces[last].next_follower = leader->follower;
+    leader->follower = index;
+}
+
 static enum status judge_piece(struct finder *finder, uint32_t index)
 {
-    struct piece *piece = &finder->pieces[index];
-    bool goes;
-    set_gone(finder, piece, 1);
-    enum status status = judge_outline(finder, index, &goes);
+    struct piece *piece = &finder->set.pieces[index];
+    bool goes, is_flat;
+    set_all_gone(finder, piece, 1);
+    enum status status = judge_outline(finder, index, &goes, &is_flat);
     if (status == STATUS_OK && !goes && finder->keep_pipes && swallow_small_ends(finder, index)) {
-        status = judge_outline(finder, index, &goes);
+        status = judge_outline(finder, index, &goes, &is_flat);
         for (uint32_t i = 0; i < piece->edge_count && !goes; i++) {
-            uint32_t patch = patch_of(finder, finder->edges[piece->first_edge + i] ^ 1);
+            uint32_t patch = patch_of(&finder->set, finder->set.edges[piece->first_edge + i] ^ 1);
             struct piece *other =
-                patch == NO_PATCH ? NULL : &finder->pieces[finder->piece_of[patch]];
+                patch == NO_PATCH ? NULL : &finder->set.pieces[finder->set.piece_of[patch]];
             if (other && other->state == PIECE_GOES && other->flat_edges > 0) {
                 other->state = PIECE_STAYS;
-                set_gone(finder, other, 0);
+                set_all_gone(finder, other, 0);
             }
         }
     }
     if (!goes)
-        set_gone(finder, piece, 0);
+        set_all_gone(finder, piece, 0);
     piece->state = goes ? PIECE_GOES : PIECE_STAYS;
+    for (uint32_t i = piece->follower; i != NO_INDEX && goes;
+         i = finder->set.pieces[i].next_follower)
+        finder->set.pieces[i].state = PIECE_GOES;
+    if (is_flat && !goes)
+        follow_neighbour(finder, index);
     return status;
 }
 
@@ -425,7 +328,7 @@ static enum status judge_piece(struct finder *finder, uint32_t index)
 
 static void enqueue(struct finder *finder, uint32_t index)
 {
-    struct piece *piece = &finder->pieces[index];
+    struct piece *piece = &finder->set.pieces[index];
     if (piece->state == PIECE_STAYS && piece->flat_edges == 0 && piece->wall_edges > 0) {
         piece->state = PIECE_WAITS;
         finder->queue[finder->queue_end++] = index;
@@ -437,11 +340,12 @@ static void enqueue(struct finder *finder, uint32_t index)
 static void release_neighbours(struct finder *finder, const struct piece *piece)
 {
     for (uint32_t i = 0; i < piece->edge_count; i++) {
-        uint32_t h = finder->edges[piece->first_edge + i], patch = patch_of(finder, h ^ 1);
-        if (patch == NO_PATCH || rim_flat_side(&finder->rims, h / 2) == h)
+        uint32_t h = finder->set.edges[piece->first_edge + i],
+                 patch = patch_of(&finder->set, h ^ 1);
+        if (patch == NO_PATCH || rim_flat_side(&finder->set.rims, h / 2) == h)
             continue;
-        uint32_t other = finder->piece_of[patch];
-        if (--finder->pieces[other].flat_edges == 0)
+        uint32_t other = finder->set.piece_of[patch];
+        if (--finder->set.pieces[other].flat_edges == 0)
             enqueue(finder, other);
     }
 }
@@ -449,13 +353,14 @@ static void release_neighbours(struct finder *finder, const struct piece *piece)
 static enum status peel(struct finder *finder)
 {
     enum status status = STATUS_OK;
-    for (uint32_t i = 0; i < finder->piece_count; i++)
+    for (uint32_t i = 0; i < finder->set.piece_count; i++)
         enqueue(finder, i);
     while (finder->queue_begin < finder->queue_end && status == STATUS_OK) {
         uint32_t index = finder->queue[finder->queue_begin++];
         status = judge_piece(finder, index);
-        if (status == STATUS_OK && finder->pieces[index].state == PIECE_GOES)
-            release_neighbours(finder, &finder->pieces[index]);
+        if (status == STATUS_OK && (finder->set.pieces[index].state == PIECE_GOES ||
+                                    finder->set.pieces[index].state == PIECE_FOLLOWS))
+            release_neighbours(finder, &finder->set.pieces[index]);
     }
     return status;
 }
@@ -465,14 +370,15 @@ static enum status peel(struct finder *finder)
 /* Pieces that touch and go are one feature. `parents` is a forest over pieces. */
 static void join_gone(struct finder *finder, uint32_t *parents)
 {
-    for (uint32_t i = 0; i < finder->piece_count; i++)
+    for (uint32_t i = 0; i < finder->set.piece_count; i++)
         parents[i] = i;
-    for (size_t i = 0; i < finder->edge_total; i++) {
-        uint32_t a = patch_of(finder, finder->edges[i]), b = patch_of(finder, finder->edges[i] ^ 1);
+    for (size_t i = 0; i < finder->set.edge_total; i++) {
+        uint32_t a = patch_of(&finder->set, finder->set.edges[i]),
+                 b = patch_of(&finder->set, finder->set.edges[i] ^ 1);
         if (b != NO_PATCH && finder->gone[a] && finder->gone[b])
-            forest_join(parents, finder->piece_of[a], finder->piece_of[b]);
+            forest_join(parents, finder->set.piece_of[a], finder->set.piece_of[b]);
     }
-    for (uint32_t i = 0; i < finder->piece_count; i++)
+    for (uint32_t i = 0; i < finder->set.piece_count; i++)
         parents[i] = forest_root(parents, i);
 }
 
@@ -486,18 +392,17 @@ static enum feature_kind kind_of(const struct feature *feature, uint32_t concave
 static enum status report_features(struct finder *finder, uint32_t *of_patch,
                                    struct feature_list *list)
 {
-    struct context *ctx = finder->graph->ctx;
+    struct context *ctx = finder->set.graph->ctx;
     uint32_t *parents, *concave = NULL;
-    size_t first = list->count;
-    enum status status = memory_take(ctx, finder->piece_count, sizeof *parents, &parents);
+    enum status status = memory_take(ctx, finder->set.piece_count, sizeof *parents, &parents);
     if (status == STATUS_OK)
-        status = memory_take_zeroed(ctx, finder->piece_count, sizeof *concave, &concave);
+        status = memory_take_zeroed(ctx, finder->set.piece_count, sizeof *concave, &concave);
     if (status != STATUS_OK)
         goto done;
     join_gone(finder, parents);
     /* The queue has served: it holds the features' numbers now, by root. */
-    for (uint32_t i = 0; i < finder->piece_count && status == STATUS_OK; i++) {
-        if (finder->pieces[i].state != PIECE_GOES)
+    for (uint32_t i = 0; i < finder->set.piece_count && status == STATUS_OK; i++) {
+        if (finder->set.pieces[i].state != PIECE_GOES)
             continue;
         uint32_t root = parents[i];
         if (root == i) {
@@ -511,59 +416,50 @@ static enum status report_features(struct finder *finder, uint32_t *of_patch,
                                   .concave_loops = concave[root],
                                   .size = feature->size,
                                   .centre = vec3_load(feature->place)};
-        status = trace_outline(finder, &finder->pieces[i], &outline);
+        status = trace_outline(finder, &finder->set.pieces[i], &outline);
         feature->loops = outline.loops;
         feature->size = outline.size;
         vec3_store(feature->place, outline.centre);
         concave[root] = outline.concave_loops;
         feature->kind = kind_of(feature, concave[root]);
     }
-    for (uint32_t p = 0; p < finder->graph->patch_count && status == STATUS_OK; p++)
+    for (uint32_t p = 0; p < finder->set.graph->patch_count && status == STATUS_OK; p++)
         if (finder->gone[p])
-            of_patch[p] = finder->queue[parents[finder->piece_of[p]]];
-    (void)first;
+            of_patch[p] = finder->queue[parents[finder->set.piece_of[p]]];
 done:
-    memory_release(ctx, &parents, finder->piece_count, sizeof *parents);
-    memory_release(ctx, &concave, finder->piece_count, sizeof *concave);
+    memory_release(ctx, &parents, finder->set.piece_count, sizeof *parents);
+    memory_release(ctx, &concave, finder->set.piece_count, sizeof *concave);
     return status;
 }
 
 static void finder_clear(struct finder *finder)
 {
-    struct context *ctx = finder->graph->ctx;
-    size_t patches = finder->graph->patch_count, half_edges = 2 * (size_t)finder->graph->edge_count;
-    memory_release(ctx, &finder->large_next, finder->rims.large_count, sizeof *finder->large_next);
-    rim_set_clear(ctx, &finder->rims);
+    struct context *ctx = finder->set.graph->ctx;
+    const size_t patches = finder->set.graph->patch_count;
+    const size_t half_edges = 2 * (size_t)finder->set.graph->edge_count;
     loop_points_clear(ctx, &finder->points);
-    memory_release(ctx, &finder->piece_of, patches, sizeof *finder->piece_of);
     memory_release(ctx, &finder->gone, patches, sizeof *finder->gone);
-    memory_release(ctx, &finder->patches, patches, sizeof *finder->patches);
     memory_release(ctx, &finder->visited, half_edges, 1);
-    memory_release(ctx, &finder->pieces, finder->piece_count, sizeof *finder->pieces);
-    memory_release(ctx, &finder->queue, finder->piece_count, sizeof *finder->queue);
-    memory_release(ctx, &finder->edges, finder->edge_total, sizeof *finder->edges);
+    memory_release(ctx, &finder->queue, finder->set.piece_count, sizeof *finder->queue);
     memory_release(ctx, &finder->extent_points, finder->extent_capacity,
                    sizeof *finder->extent_points);
+    piece_set_clear(&finder->set);
 }
 
 enum status features_find(struct chain_graph *graph, const struct rim_options *options,
                           bool keep_pipes, uint32_t *of_patch, struct feature_list *list)
 {
     struct context *ctx = graph->ctx;
-    struct finder finder = {.graph = graph, .options = options, .keep_pipes = keep_pipes};
-    enum status status = rims_find(graph, options, of_patch, &finder.rims);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, graph->patch_count, sizeof *finder.piece_of, &finder.piece_of);
+    struct finder finder = {.set = {.graph = graph}, .options = options, .keep_pipes = keep_pipes};
+    enum status status = rims_find(graph, options, of_patch, &finder.set.rims);
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, graph->patch_count, sizeof *finder.gone, &finder.gone);
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, 2 * (size_t)graph->edge_count, 1, &finder.visited);
     if (status == STATUS_OK)
-        status = take_pieces(&finder);
+        status = pieces_cut(&finder.set);
     if (status == STATUS_OK)
-        status = list_pieces(&finder);
-    if (status == STATUS_OK)
-        status = list_large(&finder);
+        status = memory_take(ctx, finder.set.piece_count, sizeof *finder.queue, &finder.queue);
     if (status == STATUS_OK)
         status = peel(&finder);
     if (status == STATUS_OK)
@@ -574,24 +470,26 @@ enum status features_find(struct chain_graph *graph, const struct rim_options *o
 
 /* ---- components ---- */
 
+/* Without any rim the pieces are the components. */
+static enum status cut_nowhere(struct piece_set *set)
+{
+    set->rims.half_edge_count = 2 * (size_t)set->graph->edge_count;
+    enum status status =
+        memory_take_zeroed(set->graph->ctx, set->rims.half_edge_count, 1, &set->rims.strength);
+    return status == STATUS_OK ? pieces_cut(set) : status;
+}
+
 enum status specks_find(struct chain_graph *graph, double size, uint32_t *of_patch,
                         struct feature_list *list)
 {
     struct context *ctx = graph->ctx;
-    struct finder finder = {.graph = graph};
+    struct piece_set set = {.graph = graph};
     uint32_t *numbers = NULL;
-    /* Without any rim the pieces are the components. */
-    finder.rims.half_edge_count = 2 * (size_t)graph->edge_count;
-    enum status status =
-        memory_take_zeroed(ctx, finder.rims.half_edge_count, 1, &finder.rims.strength);
+    enum status status = cut_nowhere(&set);
     if (status == STATUS_OK)
-        status = memory_take(ctx, graph->patch_count, sizeof *finder.piece_of, &finder.piece_of);
-    if (status == STATUS_OK)
-        status = take_pieces(&finder);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, finder.piece_count, sizeof *numbers, &numbers);
-    for (uint32_t i = 0; i < finder.piece_count && status == STATUS_OK; i++) {
-        const struct piece *piece = &finder.pieces[i];
+        status = memory_take(ctx, set.piece_count, sizeof *numbers, &numbers);
+    for (uint32_t i = 0; i < set.piece_count && status == STATUS_OK; i++) {
+        const struct piece *piece = &set.pieces[i];
         struct feature feature = {.kind = FEATURE_COMPONENT,
                                   .size = vec3_distance(piece->low, piece->high)};
         numbers[i] = NO_INDEX;
@@ -602,9 +500,9 @@ enum status specks_find(struct chain_graph *graph, double size, uint32_t *of_pat
         status = feature_list_add(ctx, list, &feature);
     }
     for (uint32_t p = 0; p < graph->patch_count && status == STATUS_OK; p++)
-        if (numbers[finder.piece_of[p]] != NO_INDEX)
-            of_patch[p] = numbers[finder.piece_of[p]];
-    memory_release(ctx, &numbers, finder.piece_count, sizeof *numbers);
-    finder_clear(&finder);
+        if (numbers[set.piece_of[p]] != NO_INDEX)
+            of_patch[p] = numbers[set.piece_of[p]];
+    memory_release(ctx, &numbers, set.piece_count, sizeof *numbers);
+    piece_set_clear(&set);
     return status;
 }

@@ -24,6 +24,7 @@
 
 #include "base/forest.h"
 #include "base/memory.h"
+#include "simplify/topology_splinters.h"
 
 /* cos 10 and cos 4: beyond it a plane ends. */
 static const double plane_cosines[] = {0.984807753012208, 0.99756405025982424};
@@ -34,9 +35,6 @@ static const double flat_sharp = 0.6, flat_plane = 0.94;
 
 /* By how much the flat side must be flatter than the wall. */
 static const double flat_margin = 0.1;
-
-/* Height of a splinter by its length, at most. */
-static const double thin_share = 0.1;
 
 /* A ring is tilted if its normals lean by more than the sine of 3 degrees, everywhere by about as
  * much; what leans by the sine of 2 degrees less is flatter. */
@@ -50,6 +48,8 @@ struct search {
     const struct rim_options *options;
     const uint32_t *skip;
     struct rim_set *rims;
+    float *normals;    /* of patches and their groups, as they can be believed */
+    uint32_t *groups;  /* (topology_splinters.h) */
     uint32_t *regions; /* a patch: number of its region, after being a forest of joined patches */
     uint8_t *visited;  /* a half-edge */
     struct loop_points points;
@@ -61,76 +61,15 @@ struct search {
 
 /* ---- smooth regions ---- */
 
-/*
- * A splinter is a thin triangle by itself, whose normal noise turns anywhere; triangulations of
- * planes with many holes have many. It goes with its neighbour over the longest side, and with
- * others that go with that one. One that is smooth with any neighbour by its own normal is
- * believed.
- */
-static uint32_t longest_side(const struct chain_graph *graph, uint32_t h, double *longest)
-{
-    uint32_t best = h;
-    *longest = -1;
-    for (uint32_t k = 0; k < 3; k++, h = graph->half_edges[h].next) {
-        double length = vec3_distance(vertex_point(graph, graph->half_edges[h].origin),
-                                      vertex_point(graph, half_edge_end(graph, h)));
-        if (length > *longest || (length == *longest && h < best)) {
-            *longest = length;
-            best = h;
-        }
-    }
-    return best;
-}
-
-static bool normals_agree(const struct chain_graph *graph, uint32_t a, uint32_t b, double least)
-{
-    return a != NO_PATCH && b != NO_PATCH &&
-           vec3_dot(patch_normal(graph, a), patch_normal(graph, b)) >= least;
-}
-
-/* The side over which a splinter whose own normal must not be believed goes, or NO_INDEX: the patch
- * on the left of h is none. A normal that agrees with two neighbours', or with the one over the
- * longest side, is believed. */
-static uint32_t splinter_side(const struct search *search, uint32_t h, double least)
-{
-    const struct chain_graph *graph = search->graph;
-    uint32_t own = graph->half_edges[h].patch, agreeing = 0;
-    const struct graph_patch *patch = &graph->patches[own];
-    double longest;
-    if (patch->size != 3)
-        return NO_INDEX;
-    uint32_t side = longest_side(graph, h, &longest);
-    uint32_t over = graph->half_edges[side ^ 1].patch;
-    double height = longest > 0 ? 2 * (double)patch->area / longest : 0;
-    if (height >= search->options->noise || height >= thin_share * longest ||
-        normals_agree(graph, own, over, least))
-        return NO_INDEX;
-    for (uint32_t k = 0; k < 3; k++, h = graph->half_edges[h].next)
-        agreeing += normals_agree(graph, own, graph->half_edges[h ^ 1].patch, least);
-    return agreeing >= 2 ? NO_INDEX : side;
-}
-
-/* Does a splinter that goes over `side` go over h, too? */
-static bool splinter_goes(const struct search *search, uint32_t side, uint32_t h, double least)
-{
-    const struct half_edge *half_edges = search->graph->half_edges;
-    return side != NO_INDEX &&
-           (h == side || normals_agree(search->graph, half_edges[side ^ 1].patch,
-                                       half_edges[h ^ 1].patch, least));
-}
-
 static bool is_smooth(const struct search *search, uint32_t edge, double least, double most)
 {
-    const struct half_edge *half_edges = search->graph->half_edges;
-    uint32_t h = 2 * edge, a = half_edges[h].patch, b = half_edges[h + 1].patch;
-    if (a == NO_PATCH || b == NO_PATCH)
+    const struct half_edge *h = &search->graph->half_edges[2 * (size_t)edge];
+    if (h[0].patch == NO_PATCH || h[1].patch == NO_PATCH)
         return false;
-    uint32_t a_side = splinter_side(search, h, least), b_side = splinter_side(search, h + 1, least);
-    if (a_side != NO_INDEX || b_side != NO_INDEX)
-        return splinter_goes(search, a_side, h, least) ||
-               splinter_goes(search, b_side, h + 1, least);
-    double cosine = vec3_dot(patch_normal(search->graph, a), patch_normal(search->graph, b));
-    return cosine >= least || cosine < most;
+    double cosine = vec3_dot(vec3_load_float(search->normals + 3 * (size_t)h[0].patch),
+                             vec3_load_float(search->normals + 3 * (size_t)h[1].patch));
+    return search->groups[h[0].patch] == search->groups[h[1].patch] || cosine >= least ||
+           cosine < most;
 }
 
 static void find_regions(struct search *search, double least, double most)
@@ -179,10 +118,10 @@ static void mark_rim(struct search *search, const struct surface_loop *loop, boo
 
 /* ---- chamfers ---- */
 
-/* By how much the normals on both sides lean away from the loop's middle. */
+/* By how much the normals on both sides, left and right, lean away from the loop's middle. */
 struct lean {
-    double left, right; /* means along the loop */
-    double spread;      /* mean difference of the left side's from their mean */
+    double mean[2];
+    double spread[2]; /* mean difference from it */
 };
 
 static double lean_of(const struct search *search, const struct surface_loop *loop, uint32_t h,
@@ -195,28 +134,36 @@ static double lean_of(const struct search *search, const struct surface_loop *lo
     *length = vec3_length(along);
     /* The loop's normal points into the surface, the flat side is on the left: outside. */
     struct vec3 outward = vec3_normalized(vec3_cross(along, loop->normal));
-    return patch == NO_PATCH ? 0 : vec3_dot(patch_normal(graph, patch), outward);
+    return patch == NO_PATCH
+               ? 0
+               : vec3_dot(vec3_load_float(search->normals + 3 * (size_t)patch), outward);
 }
 
 static struct lean find_lean(const struct search *search, const struct surface_loop *loop)
 {
-    struct lean lean = {0, 0, 0};
+    struct lean lean = {{0, 0}, {0, 0}};
+    const double share = loop->length > 0 ? 1 / loop->length : 0;
     double length;
-    for (uint32_t i = 0; i < search->points.count; i++) {
-        uint32_t h = search->points.half_edges[i];
-        lean.left += lean_of(search, loop, h, h, &length) * length;
-        lean.right += lean_of(search, loop, h, h ^ 1, &length) * length;
-    }
-    if (!(loop->length > 0))
-        return lean;
-    lean.left /= loop->length;
-    lean.right /= loop->length;
-    for (uint32_t i = 0; i < search->points.count; i++) {
-        uint32_t h = search->points.half_edges[i];
-        lean.spread += fabs(lean_of(search, loop, h, h, &length) - lean.left) * length;
-    }
-    lean.spread /= loop->length;
+    for (uint32_t i = 0; i < search->points.count; i++)
+        for (uint32_t side = 0; side < 2; side++) {
+            uint32_t h = search->points.half_edges[i];
+            double own = lean_of(search, loop, h, h ^ side, &length);
+            lean.mean[side] += share * own * length;
+        }
+    for (uint32_t i = 0; i < search->points.count; i++)
+        for (uint32_t side = 0; side < 2; side++) {
+            uint32_t h = search->points.half_edges[i];
+            double off = fabs(lean_of(search, loop, h, h ^ side, &length) - lean.mean[side]);
+            lean.spread[side] += share * off * length;
+        }
     return lean;
+}
+
+/* In planes noise makes loops, too; but what lies inside of those leans here so and there so. */
+static bool is_bent(const struct lean *lean)
+{
+    double bend = fabs(lean->mean[1] - lean->mean[0]);
+    return bend >= tilt_least && bend >= 2 * lean->spread[1];
 }
 
 /* Sine of the angle between a patch's normal and the loop's. */
@@ -272,22 +219,21 @@ static enum status widen_ring(struct search *search, const struct surface_loop *
 
 /* Is the flat side of the loop in hand a chamfer, or a step of a fillet, of what lies inside? */
 static enum status find_chamfer(struct search *search, const struct surface_loop *loop,
-                                bool *is_chamfer)
+                                const struct lean *lean, bool *is_chamfer)
 {
     const struct chain_graph *graph = search->graph;
-    struct lean lean = find_lean(search, loop);
     struct beyond beyond = {0, 0, false};
     enum status status = STATUS_OK;
     *is_chamfer = false;
-    if (fabs(lean.left) < tilt_least || lean.left * lean.right <= 0 ||
-        lean.spread > tilt_spread * fabs(lean.left))
+    if (fabs(lean->mean[0]) < tilt_least || lean->mean[0] * lean->mean[1] <= 0 ||
+        lean->spread[0] > tilt_spread * fabs(lean->mean[0]))
         return STATUS_OK;
     search->rings++;
     search->ring_count = 0;
     for (uint32_t i = 0; i < search->points.count && status == STATUS_OK; i++)
         status = add_to_ring(search, graph->half_edges[search->points.half_edges[i]].patch);
     for (size_t i = 0; i < search->ring_count && status == STATUS_OK && !beyond.is_far; i++)
-        status = widen_ring(search, loop, fabs(lean.left), search->ring[i], &beyond);
+        status = widen_ring(search, loop, fabs(lean->mean[0]), search->ring[i], &beyond);
     beyond.other -= loop->length; /* which leads to the wall */
     *is_chamfer = !beyond.is_far && beyond.flatter > 0 &&
                   beyond.flatter >= flatter_share * (beyond.flatter + beyond.other);
@@ -315,10 +261,14 @@ static enum status judge_loop(struct search *search, uint32_t first, bool is_sha
     if (is_large)
         return is_sharp ? keep_large(search, &loop) : STATUS_OK;
     double flat = is_sharp ? flat_sharp : flat_plane;
-    bool is_chamfer = true;
-    if (-loop.flat_left >= flat &&
-        (!is_sharp || -loop.flat_left >= fabs(loop.flat_right) + flat_margin))
-        status = find_chamfer(search, &loop, &is_chamfer);
+    bool is_chamfer = false;
+    if (-loop.flat_left < flat ||
+        (is_sharp && -loop.flat_left < fabs(loop.flat_right) + flat_margin))
+        return STATUS_OK;
+    const struct lean lean = find_lean(search, &loop);
+    if (!is_sharp && !is_bent(&lean))
+        return STATUS_OK;
+    status = find_chamfer(search, &loop, &lean, &is_chamfer);
     if (!is_chamfer)
         mark_rim(search, &loop, is_sharp);
     return status;
@@ -338,6 +288,21 @@ static enum status judge_loops(struct search *search, bool is_sharp)
         status = judge_loop(search, h, is_sharp);
     }
     return status;
+}
+
+static uint32_t longest_side(const struct chain_graph *graph, uint32_t h, double *longest)
+{
+    uint32_t best = h;
+    *longest = -1;
+    for (uint32_t k = 0; k < 3; k++, h = graph->half_edges[h].next) {
+        double length = vec3_distance(vertex_point(graph, graph->half_edges[h].origin),
+                                      vertex_point(graph, half_edge_end(graph, h)));
+        if (length > *longest || (length == *longest && h < best)) {
+            *longest = length;
+            best = h;
+        }
+    }
+    return best;
 }
 
 /* A triangle cut off all round has nothing inside: it goes back to its neighbour over the longest
@@ -371,6 +336,12 @@ enum status rims_find(struct chain_graph *graph, const struct rim_options *optio
     if (status == STATUS_OK)
         status = memory_take(ctx, graph->patch_count, sizeof *search.regions, &search.regions);
     if (status == STATUS_OK)
+        status = memory_take(ctx, graph->patch_count, 3 * sizeof *search.normals, &search.normals);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, graph->patch_count, sizeof *search.groups, &search.groups);
+    if (status == STATUS_OK)
+        status = splinters_join(graph, options->noise, search.normals, search.groups);
+    if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, graph->patch_count, sizeof *search.stamps, &search.stamps);
     if (status == STATUS_OK) {
         find_regions(&search, options->sharp_cosine[0], options->sharp_cosine[1]);
@@ -385,6 +356,8 @@ enum status rims_find(struct chain_graph *graph, const struct rim_options *optio
     loop_points_clear(ctx, &search.points);
     memory_release(ctx, &search.visited, half_edges, 1);
     memory_release(ctx, &search.regions, graph->patch_count, sizeof *search.regions);
+    memory_release(ctx, &search.normals, graph->patch_count, 3 * sizeof *search.normals);
+    memory_release(ctx, &search.groups, graph->patch_count, sizeof *search.groups);
     memory_release(ctx, &search.stamps, graph->patch_count, sizeof *search.stamps);
     memory_release(ctx, &search.ring, search.ring_capacity, sizeof *search.ring);
     return status;
