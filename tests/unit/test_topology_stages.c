@@ -174,6 +174,58 @@ static void chains_lose_features(void **state)
     assert_int_equal(folder_count(place->folder), 4);
 }
 
+/* One job of each kind on the part, all topology options in it. */
+static void run_with(struct place *place, unsigned threads, uint64_t memory,
+                     const char *const out[3])
+{
+    const char *part = place->part;
+    char store[TEST_PATH], chains[TEST_PATH];
+    spbm_settings settings;
+    spbm_job *job;
+    spbm_settings_defaults(&settings);
+    settings.threads = threads;
+    settings.memory = memory;
+    assert_int_equal(spbm_job_open(&settings, &job), SPBM_OK);
+    folder_path(store, place->folder, "part.store");
+    folder_path(chains, place->folder, "part.chains");
+    place->simplify.topology = &place->topology;
+    place->simplify.target.values[0] = 12;
+    assert_int_equal(spbm_import(job, &part, 1, store, NULL, NULL), SPBM_OK);
+    assert_int_equal(spbm_patchify(job, store, chains, &place->simplify.target, NULL, NULL),
+                     SPBM_OK);
+    assert_int_equal(spbm_simplify_topology(job, &part, 1, out[0], &place->topology, NULL),
+                     SPBM_OK);
+    assert_int_equal(spbm_simplify(job, &part, 1, out[1], &place->simplify, NULL), SPBM_OK);
+    assert_int_equal(spbm_lod_topology(job, chains, out[2], &place->simplify.target, NULL,
+                                       &place->topology, NULL),
+                     SPBM_OK);
+    spbm_job_close(&job);
+}
+
+static void threads_and_memory_change_no_byte(void **state)
+{
+    struct place *place = *state;
+    static const unsigned threads[] = {1, 2, 3, 8};
+    static const uint64_t memories[] = {0, UINT64_C(160) << 20};
+    char names[6][TEST_PATH];
+    for (unsigned i = 0; i < 6; i++) {
+        char name[] = "out0.ply";
+        name[3] = (char)('0' + i);
+        folder_path(names[i], place->folder, name);
+    }
+    const char *first[] = {names[0], names[1], names[2]}, *other[] = {names[3], names[4], names[5]};
+    place->topology.drop_components.value = 0.1;
+    place->topology.close_cracks.value = 0.1;
+    place->topology.smooth_features = 1;
+    place->topology.merge_coplanar = 1;
+    run_with(place, 1, 0, first);
+    for (unsigned i = 0; i < 8; i++) {
+        run_with(place, threads[i % 4], memories[i / 4], other);
+        for (unsigned k = 0; k < 3; k++)
+            expect_same_bytes(first[k], other[k]);
+    }
+}
+
 /* What is kept is a store and a chain file of what is left. */
 static void kept_files_are_of_what_is_left(void **state)
 {
@@ -209,8 +261,11 @@ static void nonsense_is_refused_first(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(a_run_is_its_steps),        TEST(counts_below_the_floor),
-        TEST(chains_lose_features),      TEST(kept_files_are_of_what_is_left),
+        TEST(a_run_is_its_steps),
+        TEST(counts_below_the_floor),
+        TEST(chains_lose_features),
+        TEST(threads_and_memory_change_no_byte),
+        TEST(kept_files_are_of_what_is_left),
         TEST(nonsense_is_refused_first),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
