@@ -53,6 +53,9 @@ static bool match_vertex(struct collapse *c, uint32_t v, uint32_t *seen)
         start = first;
     else
         c->vertices[v].flags |= VERTEX_BORDER;
+    /* where two swings are the same, what is left over may be anything */
+    if (start >= 3 * c->face_count || corner_vertex(c, start) != v)
+        return false;
     c->vertices[v].corner = start;
     for (uint32_t i = start; i != NO_INDEX && met <= count;) {
         met++;

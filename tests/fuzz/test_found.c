@@ -87,6 +87,25 @@ static void a_chain_file_whose_patches_do_not_join(void **state)
     context_clear(&ctx);
 }
 
+/* An edge that two faces use the same way made the search for a border corner read far behind the
+ * corners: what is left over by exclusive or is none of them then. */
+static void a_chain_file_whose_faces_share_an_edge_wrongly(void **state)
+{
+    (void)state;
+    static const double positions[15] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 0, 0, 1};
+    static const uint32_t faces[9] = {4, 0, 2, 2, 0, 1, 3, 2, 0};
+    struct context ctx;
+    struct collapse *collapse;
+    context_init(&ctx);
+    const struct collapse_options options = {.effort = 2, .source = "scan.chains"};
+    assert_int_equal(
+        collapse_begin(&ctx, &options, 5, 3, positions, faces, NULL, NULL, NULL, &collapse),
+        STATUS_BAD_INPUT);
+    assert_non_null(strstr(ctx.error, "scan.chains: is damaged"));
+    assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+}
+
 /* memcpy from NULL, of no bytes (undefined all the same: the sanitizer is what fails here). */
 static void a_ply_without_attributes(void **state)
 {
@@ -181,6 +200,7 @@ int main(void)
         cmocka_unit_test(a_chain_file_with_a_forged_origin_or_box),
         cmocka_unit_test(a_chain_file_with_a_forged_attribute),
         cmocka_unit_test(a_chain_file_whose_patches_do_not_join),
+        cmocka_unit_test(a_chain_file_whose_faces_share_an_edge_wrongly),
         cmocka_unit_test(a_ply_without_attributes),
         cmocka_unit_test(a_number_that_is_too_long),
         cmocka_unit_test(planes_that_share_their_outline),
