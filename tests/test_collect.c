@@ -120,6 +120,7 @@ struct collected collect(import_function reader, const void *data, size_t size, 
     ctx.message = listen;
     ctx.user = &all;
     if (feed == FEED_FILE) {
+        ctx.threads = 3;
         test_write_file(test_path("input"), data, size);
         all.status = instream_open(&ctx, test_path("input"), &stream);
     } else {
@@ -131,10 +132,17 @@ struct collected collect(import_function reader, const void *data, size_t size, 
     }
     if (all.status == STATUS_OK)
         all.status = reader(&ctx, stream, &sink);
+    size_t got = 1;
+    for (const unsigned char *bytes; all.status == STATUS_OK && got > 0;) {
+        assert_int_equal(instream_peek(stream, 1, &bytes, &got), STATUS_OK);
+        instream_take(stream, got);
+    }
+    if (all.status == STATUS_OK)
+        all.digest = instream_digest(stream);
     if (feed != FEED_FILE) {
         close(ends[0]);
         /* What a refused input leaves in the pipe must not stop the feeder. */
-        for (size_t got = 1; all.status != STATUS_OK && got > 0 && stream;) {
+        for (got = 1; all.status != STATUS_OK && got > 0 && stream;) {
             const unsigned char *bytes;
             if (instream_peek(stream, 1, &bytes, &got) != STATUS_OK)
                 break;

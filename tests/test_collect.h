@@ -21,6 +21,7 @@ struct collected {
     unsigned char *records;
     uint32_t *sizes, *indices;
     bool is_float32; /* no batch came as doubles */
+    uint32_t digest; /* of all bytes, where the reading went well */
 };
 
 /* How the bytes get to the reader. */

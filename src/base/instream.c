@@ -250,6 +250,31 @@ uint64_t instream_position(const struct instream *stream)
     return stream->position;
 }
 
+bool instream_range(const struct instream *stream, int *fd, uint64_t *position, uint64_t *end)
+{
+    struct stat info;
+    if (stream->gunzip || !stream->owns_fd || stream->file_size == 0 ||
+        fstat(stream->fd, &info) != 0)
+        return false;
+    *fd = stream->fd;
+    *position = stream->position;
+    *end = (uint64_t)info.st_size;
+    return true;
+}
+
+enum status instream_skip(struct instream *stream, uint64_t size, uint32_t crc)
+{
+    digest_taken(stream);
+    stream->digest = checksum_join(stream->digest, crc, size);
+    stream->raw_size += size;
+    stream->position += size;
+    stream->begin = stream->end = stream->digest_from = 0;
+    stream->ended = stream->raw_ended = false;
+    if (lseek(stream->fd, (off_t)stream->position, SEEK_SET) < 0)
+        return fail_errno(stream->ctx, errno, "%s: cannot be read", stream->name);
+    return STATUS_OK;
+}
+
 uint64_t instream_file_size(const struct instream *stream)
 {
     return stream->file_size;

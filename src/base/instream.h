@@ -28,6 +28,14 @@ void instream_take(struct instream *stream, size_t size);
 
 /* Position of the next byte in the (inflated) stream; name as given, or "standard input". */
 uint64_t instream_position(const struct instream *stream);
+/*
+ * A plain file can be read by several threads at once. instream_range: whether the stream is one,
+ * and its descriptor, the position of the next byte and that of the file's end. instream_skip: the
+ * next `size` bytes, whose CRC-32 is `crc`, were read so, and the stream goes on behind them.
+ */
+bool instream_range(const struct instream *stream, int *fd, uint64_t *position, uint64_t *end);
+enum status instream_skip(struct instream *stream, uint64_t size, uint32_t crc) MUST_CHECK;
+
 /* Bytes of the file as it lies there; 0 for what is no regular file. */
 uint64_t instream_file_size(const struct instream *stream);
 const char *instream_name(const struct instream *stream);

@@ -36,6 +36,22 @@ enum status ply_skip_rows(struct ply *ply) MUST_CHECK;
 /* Whether the fast functions know the current element's layout, and the functions. */
 bool ply_vertices_are_plain(const struct ply *ply);
 enum status ply_read_plain_vertices(struct ply *ply) MUST_CHECK;
+/*
+ * As many of the next `count` rows of `size` bytes as several threads can read at once: a multiple
+ * of IMPORT_BATCH, none where there is but one thread or no plain file. `convert`, in any thread,
+ * makes of `count` rows what `take`, row by row in their order, is given; false: the rows are not
+ * what is expected, and reading stops before them. ply->row counts those that were taken.
+ */
+struct ply_split {
+    struct ply *ply;
+    const void *plan;
+    size_t row_size;
+    size_t made_size; /* bytes that convert makes of IMPORT_BATCH rows */
+    bool (*convert)(const void *plan, const unsigned char *rows, size_t count, void *made);
+    enum status (*take)(struct ply *ply, const void *plan, size_t count, void *made);
+};
+enum status ply_read_split(const struct ply_split *split) MUST_CHECK;
+
 bool ply_faces_are_plain(const struct ply *ply);
 enum status ply_read_plain_faces(struct ply *ply) MUST_CHECK;
 

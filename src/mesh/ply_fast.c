@@ -63,6 +63,7 @@ struct vertex_plan {
     bool is_big;
     bool all_float32;
     size_t row_size;
+    size_t stride; /* of a record */
     uint32_t offset[3];
     enum scalar_type type[3];
     unsigned move_count;
@@ -87,7 +88,8 @@ static void make_plan(const struct ply *ply, struct vertex_plan *plan)
 {
     *plan = (struct vertex_plan){.is_big = ply->header.format == PLY_BIG,
                                  .all_float32 = true,
-                                 .row_size = (size_t)ply->element->row_size};
+                                 .row_size = (size_t)ply->element->row_size,
+                                 .stride = ply->batch.stride};
     uint32_t offset = 0;
     for (uint32_t i = 0; i < ply->element->property_count; i++) {
         const struct ply_property *property = ply_property(ply, i);
@@ -175,10 +177,47 @@ static enum status put_rows(struct ply *ply, const struct vertex_plan *plan,
     return STATUS_OK;
 }
 
+/* Positions, and behind them the records. */
+static bool convert_vertices(const void *user, const unsigned char *rows, size_t count, void *made)
+{
+    const struct vertex_plan *plan = user;
+    float *floats = made;
+    copy_records(plan, rows, count, (unsigned char *)(floats + 3 * count), plan->stride);
+    return copy_floats(plan, rows, count, floats);
+}
+
+static enum status take_vertices(struct ply *ply, const void *user, size_t count, void *made)
+{
+    (void)user;
+    struct import_batch *batch = &ply->batch;
+    const float *floats = made;
+    enum status status =
+        batch->sink->vertices(batch->sink->user, count, floats, NULL,
+                              batch->stride ? (const unsigned char *)(floats + 3 * count) : NULL);
+    batch->vertices_before += count;
+    return status;
+}
+
+/* What can be, by several threads. */
+static enum status split_vertices(struct ply *ply, const struct vertex_plan *plan)
+{
+    if (!plan->all_float32 || ply->batch.vertex_count > 0)
+        return STATUS_OK;
+    return ply_read_split(&(struct ply_split){.ply = ply,
+                                              .plan = plan,
+                                              .row_size = plan->row_size,
+                                              .made_size = (12 + plan->stride) * IMPORT_BATCH,
+                                              .convert = convert_vertices,
+                                              .take = take_vertices});
+}
+
 enum status ply_read_plain_vertices(struct ply *ply)
 {
     struct vertex_plan plan;
     make_plan(ply, &plan);
+    enum status split_status = split_vertices(ply, &plan);
+    if (split_status != STATUS_OK)
+        return split_status;
     while (ply->row < ply->element->count) {
         enum status status = ply_want(ply, plan.row_size);
         if (status != STATUS_OK)
@@ -307,11 +346,57 @@ static enum status take_polygon(struct ply *ply, const struct face_plan *plan)
     return batch_end_face(&ply->batch, size);
 }
 
+/* Triangles only, with indices that are not negative. */
+static bool convert_triangles(const void *user, const unsigned char *rows, size_t count, void *made)
+{
+    const struct face_plan *plan = user;
+    const size_t row_size = plan->before + 13 + plan->after;
+    const unsigned char *row = rows + plan->before;
+    uint32_t *indices = made, all = 0;
+    unsigned differs = 0;
+    for (size_t i = 0; i < count; i++, row += row_size, indices += 3) {
+        uint32_t corners[3] = {load_u32(row + 1), load_u32(row + 5), load_u32(row + 9)};
+        for (unsigned k = 0; k < 3; k++) {
+            corners[k] = plan->is_big ? __builtin_bswap32(corners[k]) : corners[k];
+            all |= corners[k];
+        }
+        differs |= row[0] ^ 3u;
+        memcpy(indices, corners, sizeof corners);
+    }
+    return differs == 0 && !(plan->is_signed && all > INT32_MAX);
+}
+
+static enum status take_converted(struct ply *ply, const void *user, size_t count, void *made)
+{
+    (void)user;
+    struct import_batch *batch = &ply->batch;
+    enum status status =
+        batch->sink->faces(batch->sink->user, batch->first_face, count, NULL, made);
+    batch->first_face += count;
+    return status;
+}
+
+/* What can be, by several threads. */
+static enum status split_faces(struct ply *ply, const struct face_plan *plan)
+{
+    if (ply->batch.face_count > 0)
+        return STATUS_OK;
+    return ply_read_split(&(struct ply_split){.ply = ply,
+                                              .plan = plan,
+                                              .row_size = plan->before + 13 + plan->after,
+                                              .made_size = 12 * IMPORT_BATCH,
+                                              .convert = convert_triangles,
+                                              .take = take_converted});
+}
+
 enum status ply_read_plain_faces(struct ply *ply)
 {
     struct face_plan plan;
     plan_faces(ply, &plan);
     const size_t triangle_size = plan.before + 13 + plan.after;
+    enum status split_status = split_faces(ply, &plan);
+    if (split_status != STATUS_OK)
+        return split_status;
     while (ply->row < ply->element->count) {
         enum status status = STATUS_OK;
         /* A short last row is no triangle; take_polygon says what is missing. */

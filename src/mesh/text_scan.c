@@ -36,6 +36,13 @@ enum status text_open(struct text *text, struct context *ctx, struct instream *s
     return status;
 }
 
+void text_leave(struct text *text)
+{
+    text_close(text);
+    text->begin = text->end = text->at;
+    text->is_last = false;
+}
+
 void text_close(struct text *text)
 {
     if (text->begin)

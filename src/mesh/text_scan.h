@@ -35,6 +35,8 @@ enum status text_open(struct text *text, struct context *ctx, struct instream *s
 /* Tells the stream how far the reading came. */
 void text_close(struct text *text);
 
+/* The stream's next byte is `at`, and nothing is in the window, so that others may read on. */
+void text_leave(struct text *text);
 /* At least `wanted` bytes from `at` on, or all that are left. */
 enum status text_refill(struct text *text, size_t wanted) MUST_CHECK;
 

@@ -624,6 +624,105 @@ static void pieces_of_any_size_make_no_difference(void **state)
     shape_free(&shape);
 }
 
+/* ---- rows that several threads read ---- */
+
+enum { MANY_VERTICES = 40000, MANY_FACES = 70000, VERTEX_ROW = 13, FACE_ROW = 13 };
+
+struct many {
+    unsigned char *data;
+    size_t size, vertices, faces; /* where the rows begin */
+};
+
+static struct many make_many(void)
+{
+    char header[512];
+    snprintf(header, sizeof header,
+             "ply\nformat binary_little_endian 1.0\nelement vertex %d\nproperty float x\n"
+             "property uchar red\nproperty float y\nproperty float z\nelement face %d\n"
+             "property list uchar int vertex_indices\nend_header\n",
+             MANY_VERTICES, MANY_FACES);
+    struct many many = {.vertices = strlen(header)};
+    many.faces = many.vertices + (size_t)MANY_VERTICES * VERTEX_ROW;
+    many.size = many.faces + (size_t)MANY_FACES * FACE_ROW;
+    many.data = malloc(many.size + 4);
+    assert_non_null(many.data);
+    memcpy(many.data, header, many.vertices);
+    uint64_t seed = 3;
+    for (size_t i = 0; i < MANY_VERTICES; i++) {
+        unsigned char *row = many.data + many.vertices + i * VERTEX_ROW;
+        const float point[3] = {(float)i, (float)(i % 7), (float)(i % 11) / 3};
+        memcpy(row, &point[0], 4);
+        row[4] = (unsigned char)i;
+        memcpy(row + 5, &point[1], 8);
+    }
+    for (size_t i = 0; i < MANY_FACES; i++) {
+        unsigned char *row = many.data + many.faces + i * FACE_ROW;
+        row[0] = 3;
+        for (unsigned k = 0; k < 3; k++)
+            store_u32(row + 1 + 4 * k, (uint32_t)random_below(&seed, MANY_VERTICES));
+    }
+    return many;
+}
+
+/* A file, which three threads read, and a pipe, of which that can't be, give the same. */
+static void assert_split_alike(const struct many *many)
+{
+    struct collected file = collect(import_ply, many->data, many->size, FEED_FILE);
+    struct collected pipe = collect(import_ply, many->data, many->size, FEED_PIECES);
+    assert_int_equal(file.status, pipe.status);
+    if (file.status == STATUS_OK) {
+        assert_int_equal(file.vertex_count, pipe.vertex_count);
+        assert_int_equal(file.face_count, pipe.face_count);
+        assert_int_equal(file.index_count, pipe.index_count);
+        assert_memory_equal(file.positions, pipe.positions, 24 * file.vertex_count);
+        assert_memory_equal(file.records, pipe.records, file.vertex_count);
+        assert_memory_equal(file.sizes, pipe.sizes, 4 * file.face_count);
+        assert_memory_equal(file.indices, pipe.indices, 4 * file.index_count);
+        assert_int_equal(file.first_face, pipe.first_face);
+        assert_int_equal(file.digest, pipe.digest);
+    } else {
+        const char *words[2] = {strstr(file.error, ": "), strstr(pipe.error, ": ")};
+        assert_non_null(words[0]);
+        assert_non_null(words[1]);
+        assert_string_equal(words[0], words[1]);
+    }
+    collected_free(&file);
+    collected_free(&pipe);
+}
+
+static void rows_that_threads_share_are_those_of_a_stream(void **state)
+{
+    (void)state;
+    struct many many = make_many();
+    unsigned char kept[VERTEX_ROW];
+    assert_split_alike(&many);
+
+    unsigned char *row = many.data + many.vertices + 30000 * (size_t)VERTEX_ROW;
+    memcpy(kept, row, sizeof kept);
+    memset(row + 5, 0xff, 4); /* not a number */
+    assert_split_alike(&many);
+    memcpy(row, kept, sizeof kept);
+
+    row = many.data + many.faces + 33000 * (size_t)FACE_ROW;
+    memcpy(kept, row, sizeof kept);
+    store_u32(row + 5, 0xfffffff0); /* negative */
+    assert_split_alike(&many);
+    memcpy(row, kept, sizeof kept);
+
+    many.size -= 5 * FACE_ROW + 1; /* cut off */
+    assert_split_alike(&many);
+    many.size -= 40000 * (size_t)FACE_ROW;
+    assert_split_alike(&many);
+    many.size += 40005 * (size_t)FACE_ROW + 1;
+
+    memmove(row + 4, row, many.size - (size_t)(row - many.data)); /* one with four corners */
+    row[0] = 4;
+    store_u32(row + 13, 1);
+    many.size += 4;
+    assert_split_alike(&many);
+    free(many.data);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -634,6 +733,7 @@ int main(void)
         cmocka_unit_test(any_order_and_types_are_understood),
         cmocka_unit_test(faces_may_come_before_vertices),
         cmocka_unit_test(plain_binary_rows_are_read),
+        cmocka_unit_test(rows_that_threads_share_are_those_of_a_stream),
         cmocka_unit_test(too_much_for_attributes_is_dropped_and_said),
         cmocka_unit_test(text_keeps_its_digits),
         cmocka_unit_test(strips_become_triangles),
