@@ -206,13 +206,13 @@ static struct point point_at(const struct edge_change *change, int end, const fl
     return point;
 }
 
-/* From the faces that there will be. */
+/* From the faces that there will be; below `enough` it need not be exact. */
 static float square_after(const struct collapse *c, const struct edge_change *change,
-                          const struct point *p)
+                          const struct point *p, float enough)
 {
     uint32_t gone[2], place;
     float nearest = FAR;
-    for (int end = 0; end < 2; end++) {
+    for (int end = 0; end < 2 && nearest > enough; end++) {
         edge_faces_gone(change, end, gone);
         const float square =
             nearest_square(c, change->looks[end], change->to[end], gone, p->at[end], &place);
@@ -321,7 +321,7 @@ bool edge_keeps_witnesses(const struct collapse *c, const struct edge_change *ch
             for (int k = 0; k < 3; k++)
                 offset[k] += look->at[k][j];
             const struct point point = point_at(change, end, offset);
-            if (square_after(c, change, &point) > most &&
+            if (square_after(c, change, &point, most) > most &&
                 square_before(c, change, &point, most, &face) <= most)
                 return false;
         }
@@ -332,16 +332,18 @@ bool edge_keeps_witnesses(const struct collapse *c, const struct edge_change *ch
 void edge_guess_error(const struct collapse *c, const struct edge_change *change,
                       struct edge_error *error)
 {
+    const struct fan *fans[2] = {&c->vertices[change->v].fan, &c->vertices[change->w].fan};
     float largest = -1;
     for (int end = 0; end < 2; end++) {
-        float offset[3];
+        float offset[3], height = 0;
         witness_get(c, end ? change->w : change->v, offset);
-        for (int k = 0; k < 3; k++)
+        for (int k = 0; k < 3; k++) {
             offset[k] -= change->to[end][k];
-        const float square = offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2];
-        if (square <= largest)
+            height += offset[k] * (fans[0]->normal[k] + fans[1]->normal[k]);
+        }
+        if (fabsf(height) <= largest)
             continue;
-        largest = square;
+        largest = fabsf(height);
         memcpy(error->witness, offset, sizeof offset);
     }
     error->forward = error->between = 0;
@@ -366,7 +368,7 @@ void edge_find_error(const struct collapse *c, const struct edge_change *change,
             offset[0] = offset[1] = offset[2] = 0;
         }
         const struct point point = point_at(change, end, offset);
-        const float square = square_after(c, change, &point);
+        const float square = square_after(c, change, &point, largest);
         if (square <= largest)
             continue;
         largest = square;

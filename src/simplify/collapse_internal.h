@@ -199,8 +199,8 @@ struct edge_error {
 /* `enough`: what is smaller of `between` need not be exact. */
 void edge_find_error(const struct collapse *collapse, const struct edge_change *change,
                      double enough, struct edge_error *error);
-/* Without looking at faces: the witness that is farther from the new vertex stays, the distances
- * are 0. */
+/* Without looking at faces: the witness that is farther above or below the new vertex stays, the
+ * distances are 0. */
 void edge_guess_error(const struct collapse *c, const struct edge_change *change,
                       struct edge_error *error);
 /* Whether witnesses of the vertices round the edge that are within `bound` stay so. */

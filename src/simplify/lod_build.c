@@ -24,8 +24,9 @@ static double finest_faces(const struct target *target, uint64_t faces)
 
 /*
  * Measured on scans of 4 million faces, clean and noisy. What is left of all blocks before the last
- * collapse, ten times the finest level, takes 62 bytes a face; before, each thread makes the small
- * mesh of one block, at 256 bytes a face, of which a slab has as many more as the level is finer.
+ * collapse, up to ten times the finest level, takes 62 bytes a face; before, each thread makes the
+ * small mesh of one block, at 256 bytes a face, of which a slab has as many more as the level is
+ * finer.
  */
 uint64_t lod_least_memory(const struct target *target, uint64_t faces, unsigned threads,
                           uint32_t stride)

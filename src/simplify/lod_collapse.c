@@ -26,11 +26,11 @@
 
 enum { JOIN_WIDTH = 8 };
 
-/* A block is left with so many times the faces that the finest level would give it: enough for the
- * root to choose where they are needed, and for the locked seams not to show. (With 4 the largest
- * distance of a noisy million-face scan at 3,500 faces was twice, and the mean 4 % above, what 10
- * gives; more than 10 changes nothing.) */
-static const double SLACK = 10;
+/* A block is left with so many times the faces that the finest level would give it, by effort:
+ * enough for the root to choose where they are needed, and for the locked seams not to show. (On a
+ * noisy million-face scan and the dragon 4 to 10 make no difference to the means; with 3 the mean
+ * at 3,500 faces is 5 % larger and the largest distance half.) */
+static const double SLACK[4] = {10, 6, 7, 10};
 /* A block is collapsed up to this part of the finest level's error. */
 static const double ERROR_PART = 0.5;
 /* Chain tolerance as a part of the mean edge of the finest level, and of the finest error. */
@@ -93,7 +93,8 @@ static enum status thin_node(struct lod *lod, uint32_t node)
     uint32_t *sources = NULL, *places = NULL;
     const size_t vertices = (size_t)mesh->triangles.vertex_count;
     const double part = (double)lod->weights[node] / (double)(lod->info->patches + 1);
-    const double wanted = lod->finest_faces ? SLACK * part * (double)lod->finest_faces : 0;
+    const double slack = SLACK[lod->collapse.effort < 3 ? lod->collapse.effort : 3];
+    const double wanted = lod->finest_faces ? slack * part * (double)lod->finest_faces : 0;
     if ((double)mesh->triangles.face_count <= wanted || lod->node_count == 1)
         return STATUS_OK;
     options.keep_guards = true; /* the root has more to choose from */
