@@ -40,17 +40,9 @@ static int compare_edges(const void *a, const void *b)
 /* The border edge that starts at a vertex, or border_count. */
 static size_t edge_from(const struct surgery *surgery, uint32_t vertex)
 {
-    size_t low = 0, high = surgery->border_count;
-    while (low < high) {
-        size_t middle = low + (high - low) / 2;
-        if (surgery->borders[middle].from < vertex)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return low < surgery->border_count && surgery->borders[low].from == vertex
-               ? low
-               : surgery->border_count;
+    const size_t count = surgery->border_count;
+    size_t at = find_number(surgery->borders, sizeof *surgery->borders, count, vertex);
+    return at < count && surgery->borders[at].from == vertex ? at : count;
 }
 
 /* ---- the largest circle inside ---- */

@@ -19,15 +19,8 @@
 
 static size_t rim_place(const struct surgery *surgery, uint32_t vertex)
 {
-    size_t low = 0, high = surgery->rim_count;
-    while (high - low > 1) {
-        size_t middle = low + (high - low) / 2;
-        if (surgery->rim_vertices[middle] <= vertex)
-            low = middle;
-        else
-            high = middle;
-    }
-    return low;
+    return find_number(surgery->rim_vertices, sizeof *surgery->rim_vertices, surgery->rim_count,
+                       vertex);
 }
 
 const float *surgery_position(const struct surgery *surgery, uint32_t vertex)

@@ -2,15 +2,7 @@
  * Handles.
  *
  * A loop on the surface goes round a handle or through a tunnel if cutting along it leaves all in
- * one piece. To ask that of every loop by flooding both of its sides would be quadratic. Instead
- * every edge gets a word, once, in linear time, so that a loop of patches is of that kind exactly
- * if the words of the edges that it crosses do not add up (exclusive or) to 0:
- *
- * A tree joins all patches (and the disks that close the borders); the edges that it does not cross
- * hold a tree of the vertices; 2 genus edges are left (Eppstein 2003). Each of these closes a cycle
- * with the vertices' tree, and a loop that does not part the surface crosses some of these cycles
- * an odd number of times. Each cycle has a random word, and an edge the sum of the words of the
- * cycles that run along it. (Words that are sums of others by accident: one in 2^64.)
+ * one piece; topology_words.h tells that by the edges that it crosses.
  *
  * Shortest paths from a patch, up to a bounded length, and one more edge then give the shortest
  * such loop near it (Erickson & Har-Peled 2004); patches in a net of a part of the size are enough.
@@ -23,7 +15,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "base/forest.h"
+#include "simplify/topology_words.h"
 
 /* A loop of diameter 1 that is no longer than its own convex hull's outline. */
 static const double longest_loop = 3.1415926535897931;
@@ -35,8 +27,6 @@ enum {
     ISLAND_MAX = 1024, /* patches inside of a ring that go with it */
     ROUNDS_MAX = 64
 };
-
-enum edge_use { EDGE_FREE = 0, EDGE_CROSSED, EDGE_IN_TREE, EDGE_OUTSIDE };
 
 struct heap_entry {
     double distance;
@@ -55,15 +45,8 @@ struct reached {
 struct finder {
     struct chain_graph *graph;
     double size;
-    uint32_t *gone; /* a patch: 0 it is there, 1 it is not */
+    struct edge_words words;
     struct vec3 *middles;
-    uint8_t *uses;     /* an edge: enum edge_use */
-    uint64_t *words;   /* an edge */
-    uint32_t *forest;  /* of patches */
-    uint32_t *parents; /* a vertex: half-edge from its parent, NO_INDEX: a root; of the tree */
-    uint32_t *order;   /* vertices, parents first */
-    uint64_t *sums;    /* a vertex */
-    uint8_t *visited;  /* a half-edge */
     uint8_t *is_near;  /* a patch: near one that was searched from */
     uint8_t *is_clear; /* a patch: there, and so are all its neighbours */
     struct reached *reached;
@@ -83,116 +66,6 @@ struct finder {
 static uint32_t patch_at(const struct finder *finder, uint32_t h)
 {
     return finder->graph->half_edges[h].patch;
-}
-
-static bool is_there(const struct finder *finder, uint32_t h)
-{
-    uint32_t patch = patch_at(finder, h);
-    return patch != NO_PATCH && !finder->gone[patch];
-}
-
-/* ---- words ---- */
-
-/* splitmix64: the same for every run. */
-static uint64_t random_word(uint64_t x)
-{
-    x = (x + 1) * UINT64_C(0x9e3779b97f4a7c15);
-    x = (x ^ x >> 30) * UINT64_C(0xbf58476d1ce4e5b9);
-    x = (x ^ x >> 27) * UINT64_C(0x94d049bb133111eb);
-    return x ^ x >> 31;
-}
-
-/* The tree of patches and of the disks that close the borders: one edge of each border loop, and
- * edges between patches that were apart. */
-static void cross_edges(struct finder *finder)
-{
-    const struct chain_graph *graph = finder->graph;
-    for (uint32_t p = 0; p < graph->patch_count; p++)
-        finder->forest[p] = p;
-    memset(finder->visited, 0, 2 * (size_t)graph->edge_count);
-    for (uint32_t e = 0; e < graph->edge_count; e++) {
-        bool left = is_there(finder, 2 * e), right = is_there(finder, 2 * e + 1);
-        finder->uses[e] = left || right ? EDGE_FREE : EDGE_OUTSIDE;
-        if (!left || !right)
-            continue;
-        uint32_t a = patch_at(finder, 2 * e), b = patch_at(finder, 2 * e + 1);
-        if (forest_root(finder->forest, a) != forest_root(finder->forest, b)) {
-            forest_join(finder->forest, a, b);
-            finder->uses[e] = EDGE_CROSSED;
-        }
-    }
-    for (uint32_t h = 0; h < 2 * graph->edge_count; h++) {
-        uint32_t at = h;
-        if (finder->visited[h] || !is_there(finder, h) || is_there(finder, h ^ 1))
-            continue;
-        finder->uses[h / 2] = EDGE_CROSSED;
-        do {
-            finder->visited[at] = 1;
-            at = loop_next(graph, finder->gone, at);
-        } while (at != h);
-    }
-}
-
-static bool can_be_in_tree(const struct finder *finder, uint32_t edge)
-{
-    return finder->uses[edge] == EDGE_FREE;
-}
-
-/* The tree of the vertices, breadth first. Returns how many it reaches. */
-static uint32_t join_vertices(struct finder *finder)
-{
-    const struct chain_graph *graph = finder->graph;
-    uint32_t count = 0, done = 0;
-    memset(finder->parents, 0xff, graph->vertex_count * sizeof *finder->parents);
-    memset(finder->sums, 0, graph->vertex_count * sizeof *finder->sums);
-    for (uint32_t v = 0; v < graph->vertex_count; v++) {
-        if (finder->sums[v] || !vertex_is_live(graph, v))
-            continue;
-        finder->order[count++] = v;
-        finder->sums[v] = 1; /* seen */
-        while (done < count) {
-            uint32_t at = finder->order[done++], first = graph->outgoing[at], h = first;
-            do {
-                uint32_t end = half_edge_end(graph, h);
-                if (can_be_in_tree(finder, h / 2) && !finder->sums[end]) {
-                    finder->uses[h / 2] = EDGE_IN_TREE;
-                    finder->parents[end] = h;
-                    finder->order[count++] = end;
-                    finder->sums[end] = 1;
-                }
-                h = half_edge_turn(graph, h);
-            } while (h != first);
-        }
-    }
-    return count;
-}
-
-/* Gives every edge its word. False if all are 0: there is no handle. */
-static bool find_words(struct finder *finder)
-{
-    const struct chain_graph *graph = finder->graph;
-    bool any = false;
-    cross_edges(finder);
-    uint32_t count = join_vertices(finder);
-    memset(finder->sums, 0, graph->vertex_count * sizeof *finder->sums);
-    memset(finder->words, 0, graph->edge_count * sizeof *finder->words);
-    for (uint32_t e = 0; e < graph->edge_count; e++) {
-        if (finder->uses[e] != EDGE_FREE)
-            continue;
-        uint64_t word = random_word(e);
-        finder->words[e] = word;
-        finder->sums[graph->half_edges[2 * e].origin] ^= word;
-        finder->sums[graph->half_edges[2 * e + 1].origin] ^= word;
-        any = true;
-    }
-    for (uint32_t i = count; i-- > 0;) {
-        uint32_t v = finder->order[i], h = finder->parents[v];
-        if (h == NO_INDEX)
-            continue;
-        finder->words[h / 2] = finder->sums[v];
-        finder->sums[graph->half_edges[h].origin] ^= finder->sums[v];
-    }
-    return any;
 }
 
 /* ---- short loops ---- */
@@ -254,7 +127,7 @@ static enum status settle(struct finder *finder, uint32_t patch, double most, st
         if (finder->is_clear[other] && other != patch) {
             struct reached *there = reach(finder, other);
             double length = vec3_distance(finder->middles[patch], finder->middles[other]);
-            uint64_t word = own->word ^ finder->words[h / 2];
+            uint64_t word = own->word ^ finder->words.word[h / 2];
             if (there->is_settled) {
                 double whole = own->distance + length + there->distance;
                 if ((word ^ there->word) != 0 && whole < best->length)
@@ -323,12 +196,12 @@ static enum status take_ring(struct finder *finder, const struct found *found)
     enum status status = STATUS_OK;
     finder->ring_count = 0;
     for (uint32_t p = ends[0]; p != NO_INDEX; p = before(finder, p))
-        finder->gone[p] = 1;
+        finder->words.gone[p] = 1;
     for (uint32_t p = ends[1]; p != NO_INDEX && meeting == NO_INDEX; p = before(finder, p))
-        if (finder->gone[p])
+        if (finder->words.gone[p])
             meeting = p;
     for (uint32_t p = ends[0]; p != NO_INDEX; p = before(finder, p))
-        finder->gone[p] = 0;
+        finder->words.gone[p] = 0;
     for (unsigned side = 0; side < 2; side++) {
         size_t first = finder->ring_count;
         for (uint32_t p = ends[side]; p != meeting && status == STATUS_OK; p = before(finder, p))
@@ -368,7 +241,7 @@ static enum status ring_size(struct finder *finder, struct feature *feature)
 static void mark_ring(struct finder *finder, uint32_t gone)
 {
     for (size_t i = 0; i < finder->ring_count; i++)
-        finder->gone[finder->ring[i]] = gone;
+        finder->words.gone[finder->ring[i]] = gone;
 }
 
 /* The loops between the ring and the rest; the longest one's patch outside. */
@@ -393,11 +266,11 @@ static enum status each_loop(struct finder *finder, size_t ring_count, loop_acti
             do {
                 uint32_t outer = h ^ 1, at = outer;
                 if (pass == 0)
-                    finder->visited[outer] = 0;
-                else if (!finder->visited[outer] && is_there(finder, outer)) {
+                    finder->words.visited[outer] = 0;
+                else if (!finder->words.visited[outer] && patch_is_there(&finder->words, outer)) {
                     do {
-                        finder->visited[at] = 1;
-                        at = loop_next(graph, finder->gone, at);
+                        finder->words.visited[at] = 1;
+                        at = loop_next(graph, finder->words.gone, at);
                     } while (at != outer);
                     status = action(finder, outer, user);
                 }
@@ -411,7 +284,7 @@ static enum status note_loop(struct finder *finder, uint32_t first, void *user)
 {
     struct outline *outline = user;
     struct surface_loop loop;
-    enum status status = loop_trace(finder->graph, finder->gone, first, NULL, &loop);
+    enum status status = loop_trace(finder->graph, finder->words.gone, first, NULL, &loop);
     outline->count++;
     if (status == STATUS_OK && loop.length > outline->longest) {
         outline->longest = loop.length;
@@ -427,18 +300,18 @@ static enum status add_island(struct finder *finder, uint32_t first, void *user)
     const struct chain_graph *graph = finder->graph;
     const struct outline *outline = user;
     size_t begin = finder->ring_count, next = begin;
-    bool is_island = !finder->gone[patch_at(finder, first)];
+    bool is_island = !finder->words.gone[patch_at(finder, first)];
     enum status status = STATUS_OK;
     if (is_island) {
-        finder->gone[patch_at(finder, first)] = 1;
+        finder->words.gone[patch_at(finder, first)] = 1;
         status = add_to_ring(finder, patch_at(finder, first));
     }
     while (status == STATUS_OK && is_island && next < finder->ring_count) {
         uint32_t patch = finder->ring[next++], start = graph->patches[patch].half_edge, h = start;
         is_island = patch != outline->outside && next - begin < ISLAND_MAX;
         do {
-            if (is_there(finder, h ^ 1) && is_island && status == STATUS_OK) {
-                finder->gone[patch_at(finder, h ^ 1)] = 1;
+            if (patch_is_there(&finder->words, h ^ 1) && is_island && status == STATUS_OK) {
+                finder->words.gone[patch_at(finder, h ^ 1)] = 1;
                 status = add_to_ring(finder, patch_at(finder, h ^ 1));
             }
             h = graph->half_edges[h].next;
@@ -446,7 +319,7 @@ static enum status add_island(struct finder *finder, uint32_t first, void *user)
     }
     if (!is_island)
         while (finder->ring_count > begin)
-            finder->gone[finder->ring[--finder->ring_count]] = 0;
+            finder->words.gone[finder->ring[--finder->ring_count]] = 0;
     return status;
 }
 
@@ -540,9 +413,9 @@ static void find_clear(struct finder *finder)
 {
     const struct chain_graph *graph = finder->graph;
     for (uint32_t p = 0; p < graph->patch_count; p++)
-        finder->is_clear[p] = !finder->gone[p];
+        finder->is_clear[p] = !finder->words.gone[p];
     for (uint32_t h = 0; h < 2 * graph->edge_count; h++)
-        if (patch_at(finder, h) != NO_PATCH && !is_there(finder, h ^ 1))
+        if (patch_at(finder, h) != NO_PATCH && !patch_is_there(&finder->words, h ^ 1))
             finder->is_clear[patch_at(finder, h)] = 0;
 }
 
@@ -555,7 +428,7 @@ static enum status search_round(struct finder *finder, uint32_t *of_patch,
     memset(finder->is_near, 0, graph->patch_count);
     finder->rank = 0;
     *taken = false;
-    if (!find_words(finder))
+    if (!edge_words_find(&finder->words))
         return STATUS_OK;
     find_clear(finder);
     for (uint32_t p = 0; p < graph->patch_count && status == STATUS_OK && finder->rank < RANK_MAX;
@@ -580,32 +453,17 @@ static void find_middles(struct finder *finder, const uint32_t *of_patch)
             h = graph->half_edges[h].next;
         } while (h != first);
         finder->middles[p] = vec3_scale(sum, 1 / (double)graph->patches[p].size);
-        finder->gone[p] = of_patch[p] != NO_INDEX;
+        finder->words.gone[p] = of_patch[p] != NO_INDEX;
     }
 }
 
 static enum status take_arrays(struct finder *finder)
 {
     struct context *ctx = finder->graph->ctx;
-    const size_t patches = finder->graph->patch_count, edges = finder->graph->edge_count;
-    const size_t vertices = finder->graph->vertex_count;
-    enum status status = memory_take(ctx, patches, sizeof *finder->gone, &finder->gone);
+    const size_t patches = finder->graph->patch_count;
+    enum status status = edge_words_begin(&finder->words);
     if (status == STATUS_OK)
         status = memory_take(ctx, patches, sizeof *finder->middles, &finder->middles);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, edges, 1, &finder->uses);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, edges, sizeof *finder->words, &finder->words);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, patches, sizeof *finder->forest, &finder->forest);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, vertices, sizeof *finder->parents, &finder->parents);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, vertices, sizeof *finder->order, &finder->order);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, vertices, sizeof *finder->sums, &finder->sums);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, 2 * edges, 1, &finder->visited);
     if (status == STATUS_OK)
         status = memory_take(ctx, patches, 1, &finder->is_near);
     if (status == STATUS_OK)
@@ -618,17 +476,8 @@ static enum status take_arrays(struct finder *finder)
 static void release(struct finder *finder)
 {
     struct context *ctx = finder->graph->ctx;
-    const size_t patches = finder->graph->patch_count, edges = finder->graph->edge_count;
-    const size_t vertices = finder->graph->vertex_count;
-    memory_release(ctx, &finder->gone, patches, sizeof *finder->gone);
+    const size_t patches = finder->graph->patch_count;
     memory_release(ctx, &finder->middles, patches, sizeof *finder->middles);
-    memory_release(ctx, &finder->uses, edges, 1);
-    memory_release(ctx, &finder->words, edges, sizeof *finder->words);
-    memory_release(ctx, &finder->forest, patches, sizeof *finder->forest);
-    memory_release(ctx, &finder->parents, vertices, sizeof *finder->parents);
-    memory_release(ctx, &finder->order, vertices, sizeof *finder->order);
-    memory_release(ctx, &finder->sums, vertices, sizeof *finder->sums);
-    memory_release(ctx, &finder->visited, 2 * edges, 1);
     memory_release(ctx, &finder->is_near, patches, 1);
     memory_release(ctx, &finder->is_clear, patches, 1);
     memory_release(ctx, &finder->reached, patches, sizeof *finder->reached);
@@ -636,12 +485,13 @@ static void release(struct finder *finder)
     memory_release(ctx, &finder->ring, finder->ring_capacity, sizeof *finder->ring);
     memory_release(ctx, &finder->points, finder->point_capacity, sizeof *finder->points);
     loop_points_clear(ctx, &finder->scratch);
+    edge_words_clear(&finder->words);
 }
 
 enum status handles_find(struct chain_graph *graph, double size, uint32_t *of_patch,
                          struct feature_list *list)
 {
-    struct finder finder = {.graph = graph, .size = size};
+    struct finder finder = {.graph = graph, .size = size, .words = {.graph = graph}};
     bool taken = true;
     enum status status = take_arrays(&finder);
     if (status == STATUS_OK)

@@ -15,40 +15,21 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "base/radix_sort.h"
 #include "geom/triangulate.h"
 #include "geom/vec.h"
 #include "simplify/topology_bridges.h"
-
-struct plane {
-    struct vec3 normal;
-    double offset;
-    uint32_t face_count;
-    uint32_t first_loop, loop_count;
-    bool frozen; /* stays as it is */
-};
-
-struct outline_loop {
-    uint32_t plane;
-    uint32_t first; /* half-edge */
-};
+#include "simplify/topology_coplanar.h"
 
 struct merger {
     struct context *ctx;
     struct mesh *mesh;
-    double cosine, tolerance;
+    double tolerance;
     size_t face_count, vertex_count;
-    uint32_t *twins;    /* a half-edge 3f+k; NO_INDEX at the border */
-    uint32_t *plane_of; /* a face */
-    struct plane *planes;
-    size_t plane_count, plane_capacity;
-    uint32_t *queue;  /* faces */
+    struct coplanar set;
     uint8_t *degrees; /* a vertex: outline edges that meet there, up to 3 */
     uint8_t *kept;    /* a vertex: it stays on outlines */
     uint8_t *visited; /* a half-edge */
-    struct outline_loop *loops;
-    size_t loop_count, loop_capacity;
-    uint32_t *chain; /* vertices of the chain in hand */
+    uint32_t *chain;  /* vertices of the chain in hand */
     uint8_t *chain_kept;
     size_t chain_capacity, chain_kept_capacity;
     struct pair_set taken;
@@ -68,180 +49,18 @@ struct merger {
     size_t out_count, out_capacity;
 };
 
-static struct vec3 point_of(const struct merger *merger, uint32_t vertex)
-{
-    return vec3_load(merger->mesh->positions + 3 * (size_t)vertex);
-}
-
-static uint32_t start_of(const struct merger *merger, uint32_t h)
-{
-    return merger->mesh->faces[h];
-}
-
-static uint32_t next_in_face(uint32_t h)
-{
-    return h % 3 == 2 ? h - 2 : h + 1;
-}
-
-/* ---- adjacency ---- */
-
-struct edge_key {
-    uint64_t pair;
-    uint32_t half_edge;
-    uint32_t unused;
-};
-
-static enum status find_twins(struct merger *merger)
-{
-    struct context *ctx = merger->ctx;
-    size_t count = 3 * merger->face_count;
-    struct edge_key *keys = NULL, *other = NULL;
-    unsigned char *sorted = NULL;
-    enum status status = memory_take(ctx, count, sizeof *keys, &keys);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, count, sizeof *other, &other);
-    for (size_t h = 0; h < count && status == STATUS_OK; h++) {
-        uint32_t a = start_of(merger, (uint32_t)h);
-        uint32_t b = start_of(merger, next_in_face((uint32_t)h));
-        keys[h] = (struct edge_key){a < b ? (uint64_t)a << 32 | b : (uint64_t)b << 32 | a,
-                                    (uint32_t)h, 0};
-    }
-    if (status == STATUS_OK)
-        status = radix_sort(ctx, (unsigned char *)keys, (unsigned char *)other, count, sizeof *keys,
-                            1, &sorted);
-    if (status == STATUS_OK) {
-        const struct edge_key *edges = (const struct edge_key *)(const void *)sorted;
-        memset(merger->twins, 0xff, count * sizeof *merger->twins);
-        for (size_t i = 1; i < count; i++)
-            if (edges[i].pair == edges[i - 1].pair) {
-                merger->twins[edges[i].half_edge] = edges[i - 1].half_edge;
-                merger->twins[edges[i - 1].half_edge] = edges[i].half_edge;
-            }
-    }
-    memory_release(ctx, &keys, count, sizeof *keys);
-    memory_release(ctx, &other, count, sizeof *other);
-    return status;
-}
-
-/* ---- planes ---- */
-
-struct area_key {
-    uint64_t key; /* large areas first */
-    uint32_t face;
-    uint32_t unused;
-};
-
-static struct vec3 face_normal(const struct merger *merger, uint32_t face)
-{
-    const uint32_t *corner = merger->mesh->faces + 3 * (size_t)face;
-    return triangle_normal(point_of(merger, corner[0]), point_of(merger, corner[1]),
-                           point_of(merger, corner[2]));
-}
-
-static bool face_fits(const struct merger *merger, const struct plane *plane, uint32_t face)
-{
-    const uint32_t *corner = merger->mesh->faces + 3 * (size_t)face;
-    double longest = 0;
-    for (unsigned k = 0; k < 3; k++) {
-        struct vec3 at = point_of(merger, corner[k]);
-        double side = vec3_distance_squared(at, point_of(merger, corner[(k + 1) % 3]));
-        if (fabs(vec3_dot(plane->normal, at) - plane->offset) > merger->tolerance)
-            return false;
-        longest = side > longest ? side : longest;
-    }
-    struct vec3 normal = face_normal(merger, face);
-    double area = vec3_length(normal);
-    /* Where it is thinner than the tolerance its normal says nothing. */
-    if (area <= merger->tolerance * sqrt(longest))
-        return true;
-    return vec3_dot(normal, plane->normal) >= merger->cosine * area;
-}
-
-static enum status grow_plane(struct merger *merger, uint32_t seed)
-{
-    struct vec3 normal = vec3_normalized(face_normal(merger, seed));
-    uint32_t number = (uint32_t)merger->plane_count;
-    size_t begin = 0, end = 0;
-    enum status status = memory_reserve(merger->ctx, &merger->planes, &merger->plane_capacity,
-                                        merger->plane_count + 1, sizeof *merger->planes);
-    if (status != STATUS_OK)
-        return status;
-    struct plane *plane = &merger->planes[merger->plane_count++];
-    *plane = (struct plane){
-        .normal = normal,
-        .offset = vec3_dot(normal, point_of(merger, merger->mesh->faces[3 * (size_t)seed]))};
-    merger->plane_of[seed] = number;
-    merger->queue[end++] = seed;
-    while (begin < end) {
-        uint32_t face = merger->queue[begin++];
-        plane->face_count++;
-        for (unsigned k = 0; k < 3; k++) {
-            uint32_t twin = merger->twins[3 * (size_t)face + k];
-            if (twin == NO_INDEX || merger->plane_of[twin / 3] != NO_INDEX ||
-                !face_fits(merger, plane, twin / 3))
-                continue;
-            merger->plane_of[twin / 3] = number;
-            merger->queue[end++] = twin / 3;
-        }
-    }
-    return STATUS_OK;
-}
-
-static enum status find_planes(struct merger *merger)
-{
-    struct context *ctx = merger->ctx;
-    size_t count = merger->face_count;
-    struct area_key *keys = NULL, *other = NULL;
-    unsigned char *sorted = NULL;
-    enum status status = memory_take(ctx, count, sizeof *keys, &keys);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, count, sizeof *other, &other);
-    for (size_t f = 0; f < count && status == STATUS_OK; f++) {
-        double area = vec3_length_squared(face_normal(merger, (uint32_t)f));
-        uint64_t bits;
-        memcpy(&bits, &area, sizeof bits); /* positive doubles are ordered as their bits are */
-        keys[f] = (struct area_key){~bits, (uint32_t)f, 0};
-    }
-    if (status == STATUS_OK)
-        status = radix_sort(ctx, (unsigned char *)keys, (unsigned char *)other, count, sizeof *keys,
-                            1, &sorted);
-    memset(merger->plane_of, 0xff, count * sizeof *merger->plane_of);
-    for (size_t i = 0; i < count && status == STATUS_OK; i++) {
-        uint32_t face = ((const struct area_key *)(const void *)sorted)[i].face;
-        if (merger->plane_of[face] == NO_INDEX)
-            status = grow_plane(merger, face);
-    }
-    memory_release(ctx, &keys, count, sizeof *keys);
-    memory_release(ctx, &other, count, sizeof *other);
-    return status;
-}
-
 /* ---- outlines ---- */
-
-static bool is_outline(const struct merger *merger, uint32_t h)
-{
-    uint32_t twin = merger->twins[h];
-    return twin == NO_INDEX || merger->plane_of[twin / 3] != merger->plane_of[h / 3];
-}
-
-/* The outline's next half-edge: round the end of h through the plane's own faces. */
-static uint32_t next_outline(const struct merger *merger, uint32_t h)
-{
-    for (h = next_in_face(h); !is_outline(merger, h);)
-        h = next_in_face(merger->twins[h]);
-    return h;
-}
 
 static void count_degrees(struct merger *merger)
 {
     memset(merger->degrees, 0, merger->vertex_count);
     for (uint32_t h = 0; h < 3 * merger->face_count; h++) {
-        if (!is_outline(merger, h))
+        if (!is_outline(&merger->set, h))
             continue;
-        uint8_t *start = &merger->degrees[start_of(merger, h)];
-        uint8_t *end = &merger->degrees[start_of(merger, next_in_face(h))];
+        uint8_t *start = &merger->degrees[start_of(merger->mesh, h)];
+        uint8_t *end = &merger->degrees[start_of(merger->mesh, next_in_face(h))];
         *start = (uint8_t)(*start + (*start < 3));
-        if (merger->twins[h] == NO_INDEX)
+        if (merger->set.twins[h] == NO_INDEX)
             *end = (uint8_t)(*end + (*end < 3));
     }
 }
@@ -259,11 +78,12 @@ static double line_distance(struct vec3 p, struct vec3 a, struct vec3 b)
 /* Farthest of the chain's vertices between two places from the line; its distance in *distance. */
 static size_t farthest(const struct merger *merger, size_t from, size_t to, double *distance)
 {
-    struct vec3 a = point_of(merger, merger->chain[from]), b = point_of(merger, merger->chain[to]);
+    struct vec3 a = point_of(merger->mesh, merger->chain[from]),
+                b = point_of(merger->mesh, merger->chain[to]);
     size_t best = from;
     *distance = -1;
     for (size_t i = from + 1; i < to; i++) {
-        double d = line_distance(point_of(merger, merger->chain[i]), a, b);
+        double d = line_distance(point_of(merger->mesh, merger->chain[i]), a, b);
         if (d > *distance) {
             *distance = d;
             best = i;
@@ -331,30 +151,30 @@ static enum status settle_chain(struct merger *merger, size_t count, bool keep_a
 
 static bool is_frozen(const struct merger *merger, uint32_t h)
 {
-    uint32_t twin = merger->twins[h];
-    return merger->planes[merger->plane_of[h / 3]].frozen ||
-           (twin != NO_INDEX && merger->planes[merger->plane_of[twin / 3]].frozen);
+    uint32_t twin = merger->set.twins[h];
+    return merger->set.planes[merger->set.plane_of[h / 3]].frozen ||
+           (twin != NO_INDEX && merger->set.planes[merger->set.plane_of[twin / 3]].frozen);
 }
 
 /* A chain is seen from both of its planes; the one with the lower number takes it. */
 static bool is_taken_here(const struct merger *merger, uint32_t h)
 {
-    uint32_t twin = merger->twins[h];
-    return twin == NO_INDEX || merger->plane_of[h / 3] < merger->plane_of[twin / 3];
+    uint32_t twin = merger->set.twins[h];
+    return twin == NO_INDEX || merger->set.plane_of[h / 3] < merger->set.plane_of[twin / 3];
 }
 
 static enum status simplify_chain(struct merger *merger, uint32_t first, bool is_closed)
 {
     size_t count = 0;
     uint32_t h = first;
-    enum status status = add_chain_vertex(merger, &count, start_of(merger, h));
+    enum status status = add_chain_vertex(merger, &count, start_of(merger->mesh, h));
     for (bool more = true; more && status == STATUS_OK;) {
-        uint32_t end = start_of(merger, next_in_face(h));
+        uint32_t end = start_of(merger->mesh, next_in_face(h));
         merger->visited[h] = 1;
-        if (merger->twins[h] != NO_INDEX)
-            merger->visited[merger->twins[h]] = 1;
+        if (merger->set.twins[h] != NO_INDEX)
+            merger->visited[merger->set.twins[h]] = 1;
         status = add_chain_vertex(merger, &count, end);
-        h = next_outline(merger, h);
+        h = next_outline(&merger->set, h);
         more = is_closed ? h != first : merger->degrees[end] == 2;
     }
     if (status != STATUS_OK)
@@ -369,7 +189,7 @@ static enum status simplify_chain(struct merger *merger, uint32_t first, bool is
     } else
         keep_bends(merger, 0, count - 1);
     /* Two planes that have nothing but one loop must not become the same triangle. */
-    size_t kept = 0, least = !is_closed ? 0 : merger->twins[first] == NO_INDEX ? 4 : 5;
+    size_t kept = 0, least = !is_closed ? 0 : merger->set.twins[first] == NO_INDEX ? 4 : 5;
     for (size_t i = 0; i < count; i++)
         kept += merger->chain_kept[i];
     return settle_chain(merger, count, is_frozen(merger, first) || kept < least);
@@ -384,10 +204,10 @@ static enum status simplify_chains(struct merger *merger)
     memset(merger->kept, 0, merger->vertex_count);
     for (unsigned turn = 0; turn < 3; turn++)
         for (uint32_t h = 0; h < half_edges && status == STATUS_OK; h++) {
-            if (!is_outline(merger, h) || merger->visited[h] || !is_taken_here(merger, h))
+            if (!is_outline(&merger->set, h) || merger->visited[h] || !is_taken_here(merger, h))
                 continue;
-            bool starts = merger->degrees[start_of(merger, h)] != 2;
-            bool ends = merger->degrees[start_of(merger, next_in_face(h))] != 2;
+            bool starts = merger->degrees[start_of(merger->mesh, h)] != 2;
+            bool ends = merger->degrees[start_of(merger->mesh, next_in_face(h))] != 2;
             if ((turn == 0 && starts && ends) || (turn == 1 && starts) || turn == 2)
                 status = simplify_chain(merger, h, turn == 2);
         }
@@ -396,59 +216,14 @@ static enum status simplify_chains(struct merger *merger)
 
 /* ---- polygons ---- */
 
-static enum status find_loops(struct merger *merger)
-{
-    size_t half_edges = 3 * merger->face_count;
-    enum status status = STATUS_OK;
-    memset(merger->visited, 0, half_edges);
-    merger->loop_count = 0;
-    for (size_t i = 0; i < merger->plane_count; i++)
-        merger->planes[i].loop_count = 0;
-    for (uint32_t first = 0; first < half_edges && status == STATUS_OK; first++) {
-        uint32_t h = first;
-        if (!is_outline(merger, h) || merger->visited[h])
-            continue;
-        do {
-            merger->visited[h] = 1;
-            h = next_outline(merger, h);
-        } while (h != first);
-        status = memory_reserve(merger->ctx, &merger->loops, &merger->loop_capacity,
-                                merger->loop_count + 1, sizeof *merger->loops);
-        if (status == STATUS_OK) {
-            merger->loops[merger->loop_count++] =
-                (struct outline_loop){merger->plane_of[first / 3], first};
-            merger->planes[merger->plane_of[first / 3]].loop_count++;
-        }
-    }
-    return status;
-}
-
-static int compare_loops(const void *a, const void *b)
-{
-    const struct outline_loop *x = a, *y = b;
-    if (x->plane != y->plane)
-        return x->plane < y->plane ? -1 : 1;
-    return x->first < y->first ? -1 : x->first > y->first;
-}
-
-static void sort_loops(struct merger *merger)
-{
-    qsort(merger->loops, merger->loop_count, sizeof *merger->loops, compare_loops);
-    uint32_t next = 0;
-    for (size_t i = 0; i < merger->plane_count; i++) {
-        merger->planes[i].first_loop = next;
-        next += merger->planes[i].loop_count;
-    }
-}
-
 /* Adds the kept vertices of a loop to the corners. *area: twice its signed area about the normal.
  */
 static enum status take_loop(struct merger *merger, uint32_t loop, double *area)
 {
-    uint32_t first = merger->loops[loop].first, h = first;
-    struct vec3 sum = {0, 0, 0}, origin = point_of(merger, start_of(merger, first));
+    uint32_t first = merger->set.loops[loop].first, h = first;
+    struct vec3 sum = {0, 0, 0}, origin = point_of(merger->mesh, start_of(merger->mesh, first));
     do {
-        uint32_t v = start_of(merger, h);
+        uint32_t v = start_of(merger->mesh, h);
         if (merger->kept[v]) {
             enum status status =
                 memory_reserve(merger->ctx, &merger->corners, &merger->corner_capacity,
@@ -457,11 +232,12 @@ static enum status take_loop(struct merger *merger, uint32_t loop, double *area)
                 return status;
             merger->corners[merger->corner_count++].vertex = v;
         }
-        sum = vec3_add(sum, triangle_normal(origin, point_of(merger, v),
-                                            point_of(merger, start_of(merger, next_in_face(h)))));
-        h = next_outline(merger, h);
+        sum = vec3_add(
+            sum, triangle_normal(origin, point_of(merger->mesh, v),
+                                 point_of(merger->mesh, start_of(merger->mesh, next_in_face(h)))));
+        h = next_outline(&merger->set, h);
     } while (h != first);
-    *area = vec3_dot(sum, merger->planes[merger->loops[loop].plane].normal);
+    *area = vec3_dot(sum, merger->set.planes[merger->set.loops[loop].plane].normal);
     return STATUS_OK;
 }
 
@@ -575,7 +351,7 @@ static enum status try_polygon(struct merger *merger, const struct plane *plane,
     const double normal[3] = {plane->normal.x, plane->normal.y, plane->normal.z};
     enum triangulation_quality quality;
     for (size_t i = 0; i < merger->corner_count; i++) {
-        struct vec3 at = point_of(merger, merger->corners[i].vertex);
+        struct vec3 at = point_of(merger->mesh, merger->corners[i].vertex);
         merger->corners[i].x = vec3_dot(at, axes->u);
         merger->corners[i].y = vec3_dot(at, axes->v);
     }
@@ -593,7 +369,7 @@ static enum status try_polygon(struct merger *merger, const struct plane *plane,
     if (status != STATUS_OK)
         return status;
     for (size_t i = 0; i < n; i++)
-        vec3_store(merger->points + 3 * i, point_of(merger, merger->polygon[i]));
+        vec3_store(merger->points + 3 * i, point_of(merger->mesh, merger->polygon[i]));
     status = triangulate(merger->ctx, &merger->workspace, merger->points, (uint32_t)n, normal,
                          diagonal_is_free, merger, merger->triangles, &quality);
     *possible = status == STATUS_OK && quality <= TRIANGULATION_OVERLAPPING;
@@ -604,20 +380,20 @@ static enum status try_polygon(struct merger *merger, const struct plane *plane,
  * other loop: that may be, or become, the same triangle. */
 static bool may_mirror_another(const struct merger *merger, const struct plane *plane)
 {
-    uint32_t first = merger->loops[plane->first_loop].first, h = first, behind = NO_INDEX,
+    uint32_t first = merger->set.loops[plane->first_loop].first, h = first, behind = NO_INDEX,
              count = 0;
     if (plane->loop_count != 1 || plane->face_count == 1)
         return false;
     do {
-        uint32_t twin = merger->twins[h];
-        uint32_t other = twin == NO_INDEX ? NO_INDEX : merger->plane_of[twin / 3];
+        uint32_t twin = merger->set.twins[h];
+        uint32_t other = twin == NO_INDEX ? NO_INDEX : merger->set.plane_of[twin / 3];
         if (other == NO_INDEX || (count > 0 && other != behind) || count == 3)
             return false;
         behind = other;
         count++;
-        h = next_outline(merger, h);
+        h = next_outline(&merger->set, h);
     } while (h != first);
-    return merger->planes[behind].loop_count == 1;
+    return merger->set.planes[behind].loop_count == 1;
 }
 
 /* Tries the holes' bridges in four directions, for a bridge may leave a corner that no ear fits. */
@@ -654,12 +430,12 @@ static enum status copy_frozen(struct merger *merger)
     enum status status = STATUS_OK;
     pair_set_clear(merger->ctx, &merger->taken);
     for (uint32_t h = 0; h < 3 * merger->face_count && status == STATUS_OK; h++)
-        if (merger->planes[merger->plane_of[h / 3]].frozen) {
-            uint32_t a = start_of(merger, h), b = start_of(merger, next_in_face(h));
-            if (!is_outline(merger, h))
+        if (merger->set.planes[merger->set.plane_of[h / 3]].frozen) {
+            uint32_t a = start_of(merger->mesh, h), b = start_of(merger->mesh, next_in_face(h));
+            if (!is_outline(&merger->set, h))
                 status = pair_set_add(merger->ctx, &merger->taken, a, b);
             if (status == STATUS_OK && h % 3 == 0)
-                status = add_face(merger, a, b, start_of(merger, h + 2));
+                status = add_face(merger, a, b, start_of(merger->mesh, h + 2));
         }
     return status;
 }
@@ -671,8 +447,8 @@ static enum status attempt(struct merger *merger, size_t *refused)
     enum status status = copy_frozen(merger);
     if (status == STATUS_OK)
         status = simplify_chains(merger);
-    for (size_t i = 0; i < merger->plane_count && status == STATUS_OK; i++) {
-        struct plane *plane = &merger->planes[i];
+    for (size_t i = 0; i < merger->set.plane_count && status == STATUS_OK; i++) {
+        struct plane *plane = &merger->set.planes[i];
         bool possible = true;
         if (plane->frozen)
             continue;
@@ -729,13 +505,7 @@ static enum status take_arrays(struct merger *merger)
 {
     struct context *ctx = merger->ctx;
     size_t half_edges = 3 * merger->face_count;
-    enum status status = memory_take(ctx, half_edges, sizeof *merger->twins, &merger->twins);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, merger->face_count, sizeof *merger->plane_of, &merger->plane_of);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, merger->face_count, sizeof *merger->queue, &merger->queue);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, merger->vertex_count, 1, &merger->degrees);
+    enum status status = memory_take(ctx, merger->vertex_count, 1, &merger->degrees);
     if (status == STATUS_OK)
         status = memory_take(ctx, merger->vertex_count, 1, &merger->kept);
     if (status == STATUS_OK)
@@ -747,14 +517,10 @@ static void release(struct merger *merger)
 {
     struct context *ctx = merger->ctx;
     size_t half_edges = 3 * merger->face_count;
-    memory_release(ctx, &merger->twins, half_edges, sizeof *merger->twins);
-    memory_release(ctx, &merger->plane_of, merger->face_count, sizeof *merger->plane_of);
-    memory_release(ctx, &merger->queue, merger->face_count, sizeof *merger->queue);
+    coplanar_clear(ctx, &merger->set);
     memory_release(ctx, &merger->degrees, merger->vertex_count, 1);
     memory_release(ctx, &merger->kept, merger->vertex_count, 1);
     memory_release(ctx, &merger->visited, half_edges, 1);
-    memory_release(ctx, &merger->planes, merger->plane_capacity, sizeof *merger->planes);
-    memory_release(ctx, &merger->loops, merger->loop_capacity, sizeof *merger->loops);
     memory_release(ctx, &merger->chain, merger->chain_capacity, sizeof *merger->chain);
     memory_release(ctx, &merger->chain_kept, merger->chain_kept_capacity, 1);
     memory_release(ctx, &merger->polygon, merger->polygon_capacity, sizeof *merger->polygon);
@@ -772,7 +538,6 @@ enum status planes_merge(struct context *ctx, struct mesh *mesh, double cosine, 
 {
     struct merger merger = {.ctx = ctx,
                             .mesh = mesh,
-                            .cosine = cosine,
                             .tolerance = tolerance,
                             .face_count = mesh->face_count,
                             .vertex_count = mesh->vertex_count};
@@ -781,15 +546,9 @@ enum status planes_merge(struct context *ctx, struct mesh *mesh, double cosine, 
         return STATUS_OK;
     enum status status = take_arrays(&merger);
     if (status == STATUS_OK)
-        status = find_twins(&merger);
+        status = coplanar_find(ctx, mesh, cosine, tolerance, &merger.set);
     if (status == STATUS_OK)
-        status = find_planes(&merger);
-    if (status == STATUS_OK) {
         count_degrees(&merger);
-        status = find_loops(&merger);
-    }
-    if (status == STATUS_OK)
-        sort_loops(&merger);
     while (status == STATUS_OK && refused > 0)
         status = attempt(&merger, &refused);
     if (status == STATUS_OK)

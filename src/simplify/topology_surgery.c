@@ -155,20 +155,6 @@ static bool is_dropped(const struct surgery *surgery, uint32_t face)
     return face != NO_INDEX && bit_is_set(surgery->dropped, face);
 }
 
-/* Walls come in the order of the faces. */
-static size_t wall_at(const struct surgery *surgery, uint32_t face)
-{
-    size_t low = 0, high = surgery->wall_count;
-    while (high - low > 1) {
-        size_t middle = low + (high - low) / 2;
-        if (surgery->walls[middle].face <= face)
-            low = middle;
-        else
-            high = middle;
-    }
-    return low;
-}
-
 enum status surgery_add_loop(struct surgery *surgery, const uint32_t *corners, uint32_t count,
                              uint32_t feature, bool is_crack)
 {
@@ -204,7 +190,9 @@ static bool next_wall_edge(const struct surgery *surgery, struct wall_edge *at)
         if (!is_dropped(surgery, neighbour))
             return true;
         unsigned mate = wall->mates >> (2 * at->edge) & 3;
-        at->wall = wall_at(surgery, neighbour);
+        /* Walls come in the order of the faces. */
+        at->wall =
+            find_number(surgery->walls, sizeof *surgery->walls, surgery->wall_count, neighbour);
         at->edge = mate;
     }
 }

@@ -6,6 +6,8 @@
 #ifndef SPBM_SIMPLIFY_TOPOLOGY_SURGERY_H
 #define SPBM_SIMPLIFY_TOPOLOGY_SURGERY_H
 
+#include <string.h>
+
 #include "mesh/store.h"
 #include "simplify/patch.h"
 #include "simplify/topology_features.h"
@@ -86,6 +88,23 @@ static inline bool bit_is_set(const uint64_t *bits, size_t i)
 static inline void bit_set(uint64_t *bits, size_t i)
 {
     bits[i >> 6] |= (uint64_t)1 << (i & 63);
+}
+
+/* The last of `count` records of `size` bytes whose number is not above the one asked for, or the
+ * first. Each begins with its number, and they ascend. */
+static inline size_t find_number(const void *records, size_t size, size_t count, uint32_t number)
+{
+    size_t low = 0, high = count;
+    while (high - low > 1) {
+        size_t middle = low + (high - low) / 2;
+        uint32_t there;
+        memcpy(&there, (const unsigned char *)records + middle * size, sizeof there);
+        if (there <= number)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
 }
 
 /* `surgery` is all zero but for ctx and store. */

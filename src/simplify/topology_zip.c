@@ -22,22 +22,15 @@
 
 #include "base/forest.h"
 #include "base/memory.h"
+#include "simplify/topology_near.h"
 
 /* Two edges fold onto each other when the far end of one is no farther from the other than this
  * part of its length. */
 static const double fold_share = 0.25;
 
-/* A face near a crack. A corner is named by 3 face + place. */
-struct near_face {
-    uint32_t source; /* its number in the store; NO_INDEX: it comes from splitting one */
-    uint32_t corners[3];
-    float points[3][3];
-    bool is_changed;
-};
-
 /* A corner of a loop. */
 struct link {
-    uint32_t vertex; /* place in zipper.vertices */
+    uint32_t vertex; /* place in zipper.near.vertices */
     uint32_t previous, next;
     uint32_t feature;
     bool is_gone, is_listed;
@@ -52,17 +45,7 @@ struct axis_place {
 struct zipper {
     struct surgery *surgery;
     double tolerance;
-    uint32_t *vertices; /* on cracks, ascending */
-    float *positions;
-    uint32_t *first_corner, *last_corner; /* of each, a list through next_corner */
-    uint32_t *moved_to;                   /* the place of what a vertex has become, or NO_INDEX */
-    uint32_t *parents; /* a forest over the places: what is surely one component; the last node is
-                          all that reaches beyond the faces near cracks */
-    size_t vertex_count;
-    struct near_face *faces;
-    size_t face_count, face_capacity;
-    uint32_t *next_corner; /* three a face */
-    size_t corner_capacity;
+    struct near_faces near;
     struct link *links; /* of all cracks */
     size_t link_count;
     struct axis_place *axis;
@@ -79,19 +62,6 @@ static int compare_lengths(const void *a, const void *b)
     return x < y ? -1 : x > y;
 }
 
-static const struct border_edge *edge_from(const struct surgery *surgery, uint32_t vertex)
-{
-    size_t low = 0, high = surgery->border_count;
-    while (high - low > 1) {
-        size_t middle = low + (high - low) / 2;
-        if (surgery->borders[middle].from <= vertex)
-            low = middle;
-        else
-            high = middle;
-    }
-    return &surgery->borders[low];
-}
-
 enum status zip_tolerance_choose(struct surgery *surgery, double *tolerance)
 {
     size_t count = surgery->border_count;
@@ -104,242 +74,14 @@ enum status zip_tolerance_choose(struct surgery *surgery, double *tolerance)
         return status;
     for (size_t i = 0; i < count; i++) {
         const struct border_edge *edge = &surgery->borders[i];
-        const struct border_edge *end = edge_from(surgery, edge->to);
+        const struct border_edge *end =
+            &surgery->borders[find_number(surgery->borders, sizeof *edge, count, edge->to)];
         lengths[i] = vec3_distance(vec3_load_float(edge->position), vec3_load_float(end->position));
     }
     qsort(lengths, count, sizeof *lengths, compare_lengths);
     *tolerance = lengths[count / 2] / 10;
     memory_release(surgery->ctx, &lengths, count, sizeof *lengths);
     return STATUS_OK;
-}
-
-/* ---- the faces near cracks ---- */
-
-/* Place of a vertex, or NO_INDEX if it lies on no crack. */
-static uint32_t place_of(const struct zipper *zipper, uint32_t vertex)
-{
-    size_t low = 0, high = zipper->vertex_count;
-    while (low < high) {
-        size_t middle = low + (high - low) / 2;
-        if (zipper->vertices[middle] < vertex)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return low < zipper->vertex_count && zipper->vertices[low] == vertex ? (uint32_t)low : NO_INDEX;
-}
-
-/* Corners of all cracks, listed in order; their bits are set in surgery->used. */
-static enum status list_vertices(struct zipper *zipper)
-{
-    struct surgery *surgery = zipper->surgery;
-    struct context *ctx = surgery->ctx;
-    size_t words = bit_words(store_info(surgery->store)->topology.vertices), count = 0;
-    memset(surgery->used, 0, words * sizeof *surgery->used);
-    for (size_t i = 0; i < surgery->loop_count; i++)
-        for (uint32_t k = 0; k < surgery->loops[i].count && surgery->loops[i].is_crack; k++)
-            bit_set(surgery->used, surgery->corners[surgery->loops[i].first + k]);
-    for (size_t w = 0; w < words; w++)
-        count += (size_t)__builtin_popcountll(surgery->used[w]);
-    zipper->vertex_count = count;
-    enum status status = memory_take(ctx, count, sizeof *zipper->vertices, &zipper->vertices);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, 3 * count, sizeof *zipper->positions, &zipper->positions);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, count, sizeof *zipper->first_corner, &zipper->first_corner);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, count, sizeof *zipper->last_corner, &zipper->last_corner);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, count, sizeof *zipper->moved_to, &zipper->moved_to);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, count + 1, sizeof *zipper->parents, &zipper->parents);
-    if (status != STATUS_OK)
-        return status;
-    for (uint32_t i = 0; i <= count; i++)
-        zipper->parents[i] = i;
-    memset(zipper->first_corner, 0xff, count * sizeof *zipper->first_corner);
-    memset(zipper->moved_to, 0xff, count * sizeof *zipper->moved_to);
-    count = 0;
-    for (size_t w = 0; w < words; w++)
-        for (uint64_t left = surgery->used[w]; left; left &= left - 1)
-            zipper->vertices[count++] = (uint32_t)(64 * w + (size_t)__builtin_ctzll(left));
-    return STATUS_OK;
-}
-
-static enum status add_face(struct zipper *zipper, const struct near_face *face)
-{
-    struct context *ctx = zipper->surgery->ctx;
-    enum status status = memory_reserve(ctx, &zipper->faces, &zipper->face_capacity,
-                                        zipper->face_count + 1, sizeof *zipper->faces);
-    if (status == STATUS_OK)
-        status = memory_reserve(ctx, &zipper->next_corner, &zipper->corner_capacity,
-                                3 * (zipper->face_count + 1), sizeof *zipper->next_corner);
-    if (status == STATUS_OK)
-        zipper->faces[zipper->face_count++] = *face;
-    return status;
-}
-
-static void list_corner(struct zipper *zipper, uint32_t place, uint32_t corner)
-{
-    if (place == NO_INDEX)
-        return;
-    zipper->next_corner[corner] = NO_INDEX;
-    if (zipper->first_corner[place] == NO_INDEX)
-        zipper->first_corner[place] = corner;
-    else
-        zipper->next_corner[zipper->last_corner[place]] = corner;
-    zipper->last_corner[place] = corner;
-}
-
-static void unlist_corner(struct zipper *zipper, uint32_t place, uint32_t corner)
-{
-    uint32_t before = NO_INDEX, at = place == NO_INDEX ? NO_INDEX : zipper->first_corner[place];
-    while (at != NO_INDEX && at != corner) {
-        before = at;
-        at = zipper->next_corner[at];
-    }
-    if (at == NO_INDEX)
-        return;
-    if (before == NO_INDEX)
-        zipper->first_corner[place] = zipper->next_corner[corner];
-    else
-        zipper->next_corner[before] = zipper->next_corner[corner];
-    if (zipper->last_corner[place] == corner)
-        zipper->last_corner[place] = before;
-}
-
-static enum status gather_slab(struct zipper *zipper, const struct slab *slab)
-{
-    const struct surgery *surgery = zipper->surgery;
-    enum status status = STATUS_OK;
-    for (uint32_t f = 0; f < slab->face_count && status == STATUS_OK; f++) {
-        const uint32_t *corners = slab->faces + 3 * (size_t)f;
-        if (bit_is_set(surgery->dropped, slab->face_first + f) ||
-            !(bit_is_set(surgery->used, corners[0]) || bit_is_set(surgery->used, corners[1]) ||
-              bit_is_set(surgery->used, corners[2])))
-            continue;
-        struct near_face face = {.source = slab->face_first + f};
-        uint32_t places[3] = {0, 0, 0};
-        memcpy(face.corners, corners, sizeof face.corners);
-        for (unsigned k = 0; k < 3; k++)
-            memcpy(face.points[k], slab_position(slab, corners[k]), sizeof face.points[k]);
-        status = add_face(zipper, &face);
-        for (uint32_t k = 0; k < 3 && status == STATUS_OK; k++) {
-            uint32_t place = place_of(zipper, corners[k]);
-            list_corner(zipper, place, 3 * (uint32_t)(zipper->face_count - 1) + k);
-            if (place != NO_INDEX)
-                memcpy(zipper->positions + 3 * (size_t)place, face.points[k],
-                       sizeof face.points[k]);
-            places[k] = place != NO_INDEX ? place : (uint32_t)zipper->vertex_count;
-        }
-        forest_join(zipper->parents, places[0], places[1]);
-        forest_join(zipper->parents, places[0], places[2]);
-    }
-    return status;
-}
-
-static enum status gather(struct zipper *zipper)
-{
-    struct store *store = zipper->surgery->store;
-    enum status status = list_vertices(zipper);
-    const uint32_t slab_count = zipper->vertex_count > 0 ? store_info(store)->slab_count : 0;
-    for (uint32_t i = 0; i < slab_count && status == STATUS_OK; i++) {
-        struct slab slab;
-        status = slab_open(store, i, &slab);
-        if (status != STATUS_OK)
-            break;
-        status = gather_slab(zipper, &slab);
-        slab_close(&slab);
-    }
-    return status;
-}
-
-/* ---- looking round a vertex ---- */
-
-static struct vec3 position_of(const struct zipper *zipper, uint32_t place)
-{
-    return vec3_load_float(zipper->positions + 3 * (size_t)place);
-}
-
-static uint32_t corner_vertex(const struct zipper *zipper, uint32_t corner)
-{
-    return zipper->faces[corner / 3].corners[corner % 3];
-}
-
-static uint32_t next_of(uint32_t corner)
-{
-    return corner % 3 == 2 ? corner - 2 : corner + 1;
-}
-
-static bool are_joined(const struct zipper *zipper, uint32_t place, uint32_t vertex)
-{
-    for (uint32_t c = zipper->first_corner[place]; c != NO_INDEX; c = zipper->next_corner[c])
-        if (corner_vertex(zipper, next_of(c)) == vertex ||
-            corner_vertex(zipper, next_of(next_of(c))) == vertex)
-            return true;
-    return false;
-}
-
-static bool has_face(const struct zipper *zipper, uint32_t place, uint32_t a, uint32_t b)
-{
-    for (uint32_t c = zipper->first_corner[place]; c != NO_INDEX; c = zipper->next_corner[c]) {
-        uint32_t side = corner_vertex(zipper, next_of(c));
-        uint32_t other = corner_vertex(zipper, next_of(next_of(c)));
-        if ((side == a && other == b) || (side == b && other == a))
-            return true;
-    }
-    return false;
-}
-
-/* A vertex of more faces is no end of a crack that is worth the time. */
-enum { DEGREE_MAX = 1000 };
-
-static bool has_many_faces(const struct zipper *zipper, uint32_t place)
-{
-    unsigned count = 0;
-    for (uint32_t c = zipper->first_corner[place]; c != NO_INDEX && count <= DEGREE_MAX;
-         c = zipper->next_corner[c])
-        count++;
-    return count > DEGREE_MAX;
-}
-
-/* Do two vertices that are to become one have neighbours in common but for the two given ones? */
-static bool share_others(const struct zipper *zipper, uint32_t a, uint32_t b, uint32_t allowed,
-                         uint32_t also_allowed)
-{
-    for (uint32_t c = zipper->first_corner[a]; c != NO_INDEX; c = zipper->next_corner[c]) {
-        uint32_t side = next_of(c);
-        for (unsigned k = 0; k < 2; k++, side = next_of(side)) {
-            uint32_t vertex = corner_vertex(zipper, side);
-            if (vertex != allowed && vertex != also_allowed && are_joined(zipper, b, vertex))
-                return true;
-        }
-    }
-    return false;
-}
-
-static struct vec3 normal_with(const struct near_face *face, unsigned k, struct vec3 at)
-{
-    struct vec3 p[3];
-    for (unsigned i = 0; i < 3; i++)
-        p[i] = vec3_load_float(face->points[i]);
-    p[k] = at;
-    return triangle_normal(p[0], p[1], p[2]);
-}
-
-/* Would a face at a vertex be turned over if the vertex went to `at`? */
-static bool turns_face(const struct zipper *zipper, uint32_t place, struct vec3 at)
-{
-    struct vec3 old = position_of(zipper, place);
-    if (vec3_distance_squared(old, at) == 0)
-        return false;
-    for (uint32_t c = zipper->first_corner[place]; c != NO_INDEX; c = zipper->next_corner[c]) {
-        const struct near_face *face = &zipper->faces[c / 3];
-        struct vec3 before = normal_with(face, c % 3, old), after = normal_with(face, c % 3, at);
-        if (vec3_length_squared(before) > 0 && !(vec3_dot(before, after) > 0))
-            return true;
-    }
-    return false;
 }
 
 /* ---- steps ---- */
@@ -382,23 +124,6 @@ static enum status look_again(struct zipper *zipper, uint32_t i)
     return status;
 }
 
-/* The vertex at place `gone` becomes the one at place `stays`. */
-static void move_vertex(struct zipper *zipper, uint32_t gone, uint32_t stays)
-{
-    for (uint32_t c = zipper->first_corner[gone]; c != NO_INDEX; c = zipper->next_corner[c]) {
-        struct near_face *face = &zipper->faces[c / 3];
-        face->corners[c % 3] = zipper->vertices[stays];
-        memcpy(face->points[c % 3], zipper->positions + 3 * (size_t)stays,
-               sizeof face->points[c % 3]);
-        face->is_changed = true;
-    }
-    zipper->next_corner[zipper->last_corner[stays]] = zipper->first_corner[gone];
-    zipper->last_corner[stays] = zipper->last_corner[gone];
-    zipper->first_corner[gone] = NO_INDEX;
-    zipper->moved_to[gone] = stays;
-    zipper->zipped++;
-}
-
 /* Which of two vertices goes where the other is: the one with the higher number unless that turns a
  * face over. False if both do. */
 static bool choose_gone(const struct zipper *zipper, uint32_t a, uint32_t b, uint32_t *stays,
@@ -406,11 +131,11 @@ static bool choose_gone(const struct zipper *zipper, uint32_t a, uint32_t b, uin
 {
     *stays = a < b ? a : b;
     *gone = a < b ? b : a;
-    if (!turns_face(zipper, *gone, position_of(zipper, *stays)))
+    if (!near_turns_face(&zipper->near, *gone, near_position(&zipper->near, *stays)))
         return true;
     *stays = a < b ? b : a;
     *gone = a < b ? a : b;
-    return !turns_face(zipper, *gone, position_of(zipper, *stays));
+    return !near_turns_face(&zipper->near, *gone, near_position(&zipper->near, *stays));
 }
 
 /* Can two vertices with no edge between them be one, as far as the edges go? Two neighbours may be
@@ -418,9 +143,10 @@ static bool choose_gone(const struct zipper *zipper, uint32_t a, uint32_t b, uin
 static bool can_join(const struct zipper *zipper, uint32_t a, uint32_t b, uint32_t allowed,
                      uint32_t also_allowed)
 {
-    return a != b && !has_many_faces(zipper, a) && !has_many_faces(zipper, b) &&
-           !are_joined(zipper, a, zipper->vertices[b]) &&
-           !share_others(zipper, a, b, allowed, also_allowed);
+    return a != b && !near_has_many_faces(&zipper->near, a) &&
+           !near_has_many_faces(&zipper->near, b) &&
+           !near_are_joined(&zipper->near, a, zipper->near.vertices[b]) &&
+           !near_share_others(&zipper->near, a, b, allowed, also_allowed);
 }
 
 /* Makes the two neighbours of link `tip` one vertex, if that leaves a manifold. */
@@ -428,17 +154,18 @@ static enum status join_ends(struct zipper *zipper, uint32_t tip)
 {
     struct link *links = zipper->links;
     uint32_t before = links[tip].previous, after = links[tip].next;
-    uint32_t stays, gone, tip_vertex = zipper->vertices[links[tip].vertex];
+    uint32_t stays, gone, tip_vertex = zipper->near.vertices[links[tip].vertex];
     /* In a loop of four both pairs of edges become one. */
-    uint32_t far =
-        loop_has(zipper, tip, 4) ? zipper->vertices[links[links[after].next].vertex] : tip_vertex;
+    uint32_t far = loop_has(zipper, tip, 4) ? zipper->near.vertices[links[links[after].next].vertex]
+                                            : tip_vertex;
     /* Two triangles that share an edge and are all there is would become the same. */
-    if ((has_face(zipper, links[before].vertex, tip_vertex, far) &&
-         has_face(zipper, links[after].vertex, tip_vertex, far)) ||
+    if ((near_has_face(&zipper->near, links[before].vertex, tip_vertex, far) &&
+         near_has_face(&zipper->near, links[after].vertex, tip_vertex, far)) ||
         !can_join(zipper, links[before].vertex, links[after].vertex, tip_vertex, far) ||
         !choose_gone(zipper, links[before].vertex, links[after].vertex, &stays, &gone))
         return STATUS_OK;
-    move_vertex(zipper, gone, stays);
+    near_move_vertex(&zipper->near, gone, stays);
+    zipper->zipped++;
     links[before].vertex = stays;
     remove_link(zipper, tip);
     remove_link(zipper, after);
@@ -452,42 +179,45 @@ static enum status put_into_edge(struct zipper *zipper, uint32_t tip, uint32_t i
                                  uint32_t outer)
 {
     struct link *links = zipper->links;
-    uint32_t place = links[inner].vertex, vertex = zipper->vertices[place];
-    uint32_t outer_vertex = zipper->vertices[links[outer].vertex];
+    uint32_t place = links[inner].vertex, vertex = zipper->near.vertices[place];
+    uint32_t outer_vertex = zipper->near.vertices[links[outer].vertex];
     bool outer_is_next = links[tip].next == outer;
     /* The face has the edge the other way round than the loop. */
     uint32_t from = outer_is_next ? outer : tip, to = outer_is_next ? tip : outer, corner;
-    for (corner = zipper->first_corner[links[from].vertex]; corner != NO_INDEX;
-         corner = zipper->next_corner[corner])
-        if (corner_vertex(zipper, next_of(corner)) == zipper->vertices[links[to].vertex])
+    for (corner = zipper->near.first_corner[links[from].vertex]; corner != NO_INDEX;
+         corner = zipper->near.next_corner[corner])
+        if (near_vertex(&zipper->near, near_next(corner)) ==
+            zipper->near.vertices[links[to].vertex])
             break;
     if (corner == NO_INDEX)
         return STATUS_OK;
-    uint32_t end = next_of(corner), apex = next_of(end), apex_vertex = corner_vertex(zipper, apex);
-    struct near_face first = zipper->faces[corner / 3], second = first;
-    struct vec3 at = position_of(zipper, place);
-    struct vec3 whole = normal_with(&first, apex % 3, vec3_load_float(first.points[apex % 3]));
-    if (apex_vertex == vertex || are_joined(zipper, place, apex_vertex) ||
-        (!loop_has(zipper, tip, 3) && are_joined(zipper, place, outer_vertex)) ||
-        vec3_dot(whole, normal_with(&first, end % 3, at)) < 0 ||
-        vec3_dot(whole, normal_with(&first, corner % 3, at)) < 0)
+    uint32_t end = near_next(corner), apex = near_next(end),
+             apex_vertex = near_vertex(&zipper->near, apex);
+    struct near_face first = zipper->near.faces[corner / 3], second = first;
+    struct vec3 at = near_position(&zipper->near, place);
+    struct vec3 whole = near_face_normal(&first, apex % 3, vec3_load_float(first.points[apex % 3]));
+    if (apex_vertex == vertex || near_are_joined(&zipper->near, place, apex_vertex) ||
+        (!loop_has(zipper, tip, 3) && near_are_joined(&zipper->near, place, outer_vertex)) ||
+        vec3_dot(whole, near_face_normal(&first, end % 3, at)) < 0 ||
+        vec3_dot(whole, near_face_normal(&first, corner % 3, at)) < 0)
         return STATUS_OK;
     first.corners[end % 3] = second.corners[corner % 3] = vertex;
-    memcpy(first.points[end % 3], zipper->positions + 3 * (size_t)place, sizeof first.points[0]);
+    memcpy(first.points[end % 3], zipper->near.positions + 3 * (size_t)place,
+           sizeof first.points[0]);
     memcpy(second.points[corner % 3], first.points[end % 3], sizeof first.points[0]);
     first.is_changed = second.is_changed = true;
     second.source = NO_INDEX;
     uint32_t split = corner / 3;
-    enum status status = add_face(zipper, &second);
+    enum status status = near_add_face(&zipper->near, &second);
     if (status != STATUS_OK)
         return status;
-    zipper->faces[split] = first;
-    uint32_t added = 3 * (uint32_t)(zipper->face_count - 1);
-    unlist_corner(zipper, links[to].vertex, end);
-    list_corner(zipper, links[to].vertex, added + end % 3);
-    list_corner(zipper, place, end);
-    list_corner(zipper, place, added + corner % 3);
-    list_corner(zipper, place_of(zipper, apex_vertex), added + apex % 3);
+    zipper->near.faces[split] = first;
+    uint32_t added = 3 * (uint32_t)(zipper->near.face_count - 1);
+    near_unlist_corner(&zipper->near, links[to].vertex, end);
+    near_list_corner(&zipper->near, links[to].vertex, added + end % 3);
+    near_list_corner(&zipper->near, place, end);
+    near_list_corner(&zipper->near, place, added + corner % 3);
+    near_list_corner(&zipper->near, near_place(&zipper->near, apex_vertex), added + apex % 3);
     zipper->zipped++;
     remove_link(zipper, tip);
     close_pair(zipper, inner);
@@ -516,9 +246,9 @@ static enum status zip_at(struct zipper *zipper, uint32_t tip)
 {
     const struct link *links = zipper->links;
     uint32_t before = links[tip].previous, after = links[tip].next;
-    struct vec3 v = position_of(zipper, links[tip].vertex);
-    struct vec3 p = position_of(zipper, links[before].vertex);
-    struct vec3 q = position_of(zipper, links[after].vertex);
+    struct vec3 v = near_position(&zipper->near, links[tip].vertex);
+    struct vec3 p = near_position(&zipper->near, links[before].vertex);
+    struct vec3 q = near_position(&zipper->near, links[after].vertex);
     double to_p = vec3_distance(v, p), to_q = vec3_distance(v, q);
     double reach = reach_along(zipper, to_p < to_q ? to_p : to_q);
     if (!(reach > 0))
@@ -575,17 +305,20 @@ static enum status join_edges(struct zipper *zipper, uint32_t a, uint32_t d, boo
              at_d = links[d].vertex;
     uint32_t stays, gone, stays_too, gone_too;
     *done = false;
-    bool are_apart = forest_root(zipper->parents, at_a) != forest_root(zipper->parents, at_d);
+    bool are_apart =
+        forest_root(zipper->near.parents, at_a) != forest_root(zipper->near.parents, at_d);
     if (b == d || c == a || !(are_apart || share_loop(zipper, a, d)) || at_a == at_c ||
-        at_b == at_d || are_joined(zipper, at_a, zipper->vertices[at_c]) ||
-        are_joined(zipper, at_b, zipper->vertices[at_d]) ||
+        at_b == at_d || near_are_joined(&zipper->near, at_a, zipper->near.vertices[at_c]) ||
+        near_are_joined(&zipper->near, at_b, zipper->near.vertices[at_d]) ||
         !can_join(zipper, at_a, at_d, NO_INDEX, NO_INDEX) ||
         !can_join(zipper, at_b, at_c, NO_INDEX, NO_INDEX) ||
         !choose_gone(zipper, at_a, at_d, &stays, &gone) ||
         !choose_gone(zipper, at_b, at_c, &stays_too, &gone_too))
         return STATUS_OK;
-    move_vertex(zipper, gone, stays);
-    move_vertex(zipper, gone_too, stays_too);
+    near_move_vertex(&zipper->near, gone, stays);
+    zipper->zipped++;
+    near_move_vertex(&zipper->near, gone_too, stays_too);
+    zipper->zipped++;
     links[a].vertex = stays;
     links[c].vertex = stays_too;
     links[a].next = links[d].next;
@@ -593,7 +326,7 @@ static enum status join_edges(struct zipper *zipper, uint32_t a, uint32_t d, boo
     links[c].next = links[b].next;
     links[links[b].next].previous = c;
     links[b].is_gone = links[d].is_gone = true;
-    forest_join(zipper->parents, at_a, at_d);
+    forest_join(zipper->near.parents, at_a, at_d);
     *done = true;
     enum status status = look_again(zipper, a);
     return status == STATUS_OK ? look_again(zipper, c) : status;
@@ -614,8 +347,8 @@ static unsigned longest_axis(const struct zipper *zipper)
     unsigned axis = 0;
     for (unsigned c = 0; c < 3; c++) {
         double low = INFINITY, high = -INFINITY;
-        for (size_t i = 0; i < zipper->vertex_count; i++) {
-            double x = (double)zipper->positions[3 * i + c];
+        for (size_t i = 0; i < zipper->near.vertex_count; i++) {
+            double x = (double)zipper->near.positions[3 * i + c];
             low = x < low ? x : low;
             high = x > high ? x : high;
         }
@@ -631,11 +364,12 @@ static unsigned longest_axis(const struct zipper *zipper)
 static bool edges_match(const struct zipper *zipper, uint32_t a, uint32_t d)
 {
     const struct link *links = zipper->links;
-    struct vec3 from = position_of(zipper, links[a].vertex);
-    struct vec3 to = position_of(zipper, links[links[a].next].vertex);
+    struct vec3 from = near_position(&zipper->near, links[a].vertex);
+    struct vec3 to = near_position(&zipper->near, links[links[a].next].vertex);
     double reach = reach_along(zipper, vec3_distance(from, to));
-    return vec3_distance(from, position_of(zipper, links[d].vertex)) <= reach &&
-           vec3_distance(to, position_of(zipper, links[links[d].previous].vertex)) <= reach;
+    return vec3_distance(from, near_position(&zipper->near, links[d].vertex)) <= reach &&
+           vec3_distance(to, near_position(&zipper->near, links[links[d].previous].vertex)) <=
+               reach;
 }
 
 /* Of so many links near each other along the axis no more are looked at. */
@@ -649,7 +383,7 @@ static enum status zip_edges(struct zipper *zipper)
     for (uint32_t i = 0; i < zipper->link_count; i++)
         if (!zipper->links[i].is_gone)
             zipper->axis[count++] = (struct axis_place){
-                (double)zipper->positions[3 * (size_t)zipper->links[i].vertex + axis], i};
+                (double)zipper->near.positions[3 * (size_t)zipper->links[i].vertex + axis], i};
     if (count > 0)
         qsort(zipper->axis, count, sizeof *zipper->axis, compare_places);
     for (size_t i = 0; i < count && status == STATUS_OK; i++)
@@ -690,11 +424,11 @@ static enum status list_links(struct zipper *zipper)
         const struct fill_loop *loop = &surgery->loops[i];
         const uint32_t n = loop->is_crack ? loop->count : 0;
         for (uint32_t k = 0; k < n; k++)
-            zipper->links[first + k] =
-                (struct link){.vertex = place_of(zipper, surgery->corners[loop->first + k]),
-                              .previous = first + (k == 0 ? n : k) - 1,
-                              .next = first + (k + 1 == n ? 0 : k + 1),
-                              .feature = loop->feature};
+            zipper->links[first + k] = (struct link){
+                .vertex = near_place(&zipper->near, surgery->corners[loop->first + k]),
+                .previous = first + (k == 0 ? n : k) - 1,
+                .next = first + (k + 1 == n ? 0 : k + 1),
+                .feature = loop->feature};
         first += n;
     }
     for (uint32_t i = first; i-- > 0 && status == STATUS_OK;)
@@ -722,7 +456,7 @@ static enum status replace_cracks(struct zipper *zipper)
         do {
             status = memory_reserve(ctx, &corners, &capacity, (size_t)count + 1, sizeof *corners);
             if (status == STATUS_OK)
-                corners[count++] = zipper->vertices[links[at].vertex];
+                corners[count++] = zipper->near.vertices[links[at].vertex];
             links[at].is_listed = true;
             at = links[at].next;
         } while (at != i && status == STATUS_OK);
@@ -738,19 +472,19 @@ static void follow_moves(struct zipper *zipper)
 {
     struct surgery *surgery = zipper->surgery;
     for (size_t i = 0; i < surgery->corner_count; i++) {
-        uint32_t *corner = &surgery->corners[i], place = place_of(zipper, *corner);
-        while (place != NO_INDEX && zipper->moved_to[place] != NO_INDEX)
-            place = zipper->moved_to[place];
+        uint32_t *corner = &surgery->corners[i], place = near_place(&zipper->near, *corner);
+        while (place != NO_INDEX && zipper->near.moved_to[place] != NO_INDEX)
+            place = zipper->near.moved_to[place];
         if (place != NO_INDEX)
-            *corner = zipper->vertices[place];
+            *corner = zipper->near.vertices[place];
     }
 }
 
 static enum status keep_changed(struct zipper *zipper)
 {
     struct surgery *surgery = zipper->surgery;
-    for (size_t f = 0; f < zipper->face_count; f++) {
-        const struct near_face *face = &zipper->faces[f];
+    for (size_t f = 0; f < zipper->near.face_count; f++) {
+        const struct near_face *face = &zipper->near.faces[f];
         if (!face->is_changed)
             continue;
         enum status status =
@@ -770,8 +504,9 @@ static enum status keep_changed(struct zipper *zipper)
 enum status cracks_zip(struct surgery *surgery, double tolerance, uint64_t *zipped)
 {
     struct context *ctx = surgery->ctx;
-    struct zipper zipper = {.surgery = surgery, .tolerance = tolerance};
-    enum status status = gather(&zipper);
+    struct zipper zipper = {
+        .surgery = surgery, .tolerance = tolerance, .near = {.surgery = surgery}};
+    enum status status = near_gather(&zipper.near);
     if (status == STATUS_OK)
         status = list_links(&zipper);
     if (status == STATUS_OK)
@@ -785,14 +520,7 @@ enum status cracks_zip(struct surgery *surgery, double tolerance, uint64_t *zipp
         status = keep_changed(&zipper);
     }
     *zipped = zipper.zipped;
-    memory_release(ctx, &zipper.vertices, zipper.vertex_count, sizeof *zipper.vertices);
-    memory_release(ctx, &zipper.positions, 3 * zipper.vertex_count, sizeof *zipper.positions);
-    memory_release(ctx, &zipper.first_corner, zipper.vertex_count, sizeof *zipper.first_corner);
-    memory_release(ctx, &zipper.last_corner, zipper.vertex_count, sizeof *zipper.last_corner);
-    memory_release(ctx, &zipper.parents, zipper.vertex_count + 1, sizeof *zipper.parents);
-    memory_release(ctx, &zipper.moved_to, zipper.vertex_count, sizeof *zipper.moved_to);
-    memory_release(ctx, &zipper.faces, zipper.face_capacity, sizeof *zipper.faces);
-    memory_release(ctx, &zipper.next_corner, zipper.corner_capacity, sizeof *zipper.next_corner);
+    near_clear(&zipper.near);
     memory_release(ctx, &zipper.links, zipper.link_count, sizeof *zipper.links);
     memory_release(ctx, &zipper.axis, zipper.link_count, sizeof *zipper.axis);
     memory_release(ctx, &zipper.agenda, zipper.agenda_capacity, sizeof *zipper.agenda);

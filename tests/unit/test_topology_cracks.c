@@ -132,14 +132,24 @@ static void cut_trees_close_again(void **state)
     }
 }
 
+/* A ball cut open along random trees of edges. *faces: of the whole one. */
+static struct shape cut_ball(unsigned level, uint64_t seed, size_t *faces)
+{
+    struct shape whole = shape_icosphere(level);
+    unsigned char *cut = random_trees(&whole, 10, &seed);
+    struct shape shape = shape_cut(&whole, cut, 0, &seed);
+    *faces = whole.face_count;
+    shape_free(&whole);
+    free(cut);
+    return shape;
+}
+
 /* Without zipping the same cracks are covered by faces without area. */
 static void tolerance_nought_only_fills(void **state)
 {
     (void)state;
-    uint64_t random = 9;
-    struct shape whole = shape_icosphere(2);
-    unsigned char *cut = random_trees(&whole, 10, &random);
-    struct shape shape = shape_cut(&whole, cut, 0, &random);
+    size_t faces;
+    struct shape shape = cut_ball(2, 9, &faces);
     struct topology_options options = closing(100);
     struct operated out;
     options.zip_tolerance.value = 0;
@@ -148,11 +158,9 @@ static void tolerance_nought_only_fills(void **state)
     assert_int_equal(out.facts.border_edges, 0);
     assert_int_equal(out.facts.euler, 2);
     assert_int_equal(out.report.zipped, 0);
-    assert_true(out.facts.faces > whole.face_count);
+    assert_true(out.facts.faces > faces);
     operated_clear(&out);
     shape_free(&shape);
-    shape_free(&whole);
-    free(cut);
 }
 
 /* One edge against three on the other side: the vertices go into the edge, and no face is added
@@ -281,19 +289,15 @@ static void a_folded_pair_is_closed(void **state)
 static void slits_are_small_by_their_circle(void **state)
 {
     (void)state;
-    uint64_t random = 3;
-    struct shape whole = shape_icosphere(3);
-    unsigned char *cut = random_trees(&whole, 10, &random);
-    struct shape shape = shape_cut(&whole, cut, 0, &random);
+    size_t faces;
+    struct shape shape = cut_ball(3, 3, &faces);
     struct topology_options options = closing(0.05);
     struct operated out;
     options.crack_inscribed = true;
     operate(&shape, &options, 0, &out);
-    expect_closed(&out, 2, whole.face_count);
+    expect_closed(&out, 2, faces);
     operated_clear(&out);
     shape_free(&shape);
-    shape_free(&whole);
-    free(cut);
 }
 
 /* Two openings of one tube that meet are not sewn together: that would be a handle. */
