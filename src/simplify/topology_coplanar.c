@@ -196,7 +196,8 @@ static enum status find_loops(struct growth *growth)
     memory_release(growth->ctx, &visited, half_edges, 1);
     if (status != STATUS_OK)
         return status;
-    qsort(set->loops, set->loop_count, sizeof *set->loops, compare_loops);
+    if (set->loop_count > 0) /* a closed mesh in one plane has none */
+        qsort(set->loops, set->loop_count, sizeof *set->loops, compare_loops);
     for (size_t i = 1; i < set->plane_count; i++)
         set->planes[i].first_loop = set->planes[i - 1].first_loop + set->planes[i - 1].loop_count;
     return STATUS_OK;

@@ -140,6 +140,28 @@ static void a_number_that_is_too_long(void **state)
     assert_true(number.value == 8);
 }
 
+/* A triangle without area whose border is closed as a crack: all lies in one plane, which has no
+ * outline, and an empty list was sorted (undefined: the sanitizer is what fails here). */
+static void a_closed_mesh_in_one_plane(void **state)
+{
+    (void)state;
+    struct shape shape = {0};
+    struct topology_options options;
+    struct operated out;
+    uint32_t a = shape_vertex(&shape, 0, 1.5, 0), b = shape_vertex(&shape, -0.125, -0.125, -0.125);
+    uint32_t c = shape_vertex(&shape, -0.125, -0.125, -0.125);
+    shape_triangle(&shape, a, c, b);
+    topology_defaults(&options);
+    options.close_cracks = (struct length_option){0.46, true};
+    options.crack_inscribed = true;
+    options.merge_coplanar = true;
+    options.export.format = EXPORT_PLY;
+    operate(&shape, &options, 0, &out);
+    assert_true(facts_manifold(&out.facts));
+    operated_clear(&out);
+    shape_free(&shape);
+}
+
 /* Two planes within the same three edges, one of one face and one of three, became the same
  * triangle twice when planes were merged. */
 static void planes_that_share_their_outline(void **state)
@@ -203,6 +225,7 @@ int main(void)
         cmocka_unit_test(a_chain_file_whose_faces_share_an_edge_wrongly),
         cmocka_unit_test(a_ply_without_attributes),
         cmocka_unit_test(a_number_that_is_too_long),
+        cmocka_unit_test(a_closed_mesh_in_one_plane),
         cmocka_unit_test(planes_that_share_their_outline),
         cmocka_unit_test(lists_of_junctions_that_are_just_full),
     };
