@@ -374,7 +374,8 @@ static float bound_of(const struct bvh *bvh, double distance_squared)
     return bound < 1e38 ? (float)bound : 3.0e38f;
 }
 
-void bvh_nearest(const struct bvh *bvh, struct vec3 p, struct nearest *nearest)
+/* bvh_nearest; a triangle within `enough` (squared) ends the search. */
+static void search(const struct bvh *bvh, struct vec3 p, double enough, struct nearest *nearest)
 {
     struct query query = query_of(bvh, p, p);
     float bound = bound_of(bvh, nearest->distance_squared);
@@ -406,10 +407,24 @@ void bvh_nearest(const struct bvh *bvh, struct vec3 p, struct nearest *nearest)
             if (distance < nearest->distance_squared ||
                 (distance == nearest->distance_squared && number < nearest->triangle)) {
                 *nearest = (struct nearest){distance, number, point};
+                if (distance <= enough)
+                    return;
                 bound = bound_of(bvh, distance);
             }
         }
     }
+}
+
+void bvh_nearest(const struct bvh *bvh, struct vec3 p, struct nearest *nearest)
+{
+    search(bvh, p, -1, nearest);
+}
+
+bool bvh_is_near(const struct bvh *bvh, struct vec3 p, double square)
+{
+    struct nearest nearest = {square, UINT32_MAX, {0, 0, 0}};
+    search(bvh, p, square, &nearest);
+    return nearest.triangle != UINT32_MAX;
 }
 
 void bvh_touching(const struct bvh *bvh, struct vec3 low, struct vec3 high,

@@ -57,6 +57,9 @@ struct nearest {
  */
 void bvh_nearest(const struct bvh *bvh, struct vec3 p, struct nearest *nearest);
 
+/* Whether a triangle's squared distance from `p` is at most `square`. */
+bool bvh_is_near(const struct bvh *bvh, struct vec3 p, double square);
+
 /* Calls visit(user, triangle) for every triangle whose box touches [low, high], and perhaps for a
  * few more. Visiting ends early when it returns false. */
 void bvh_touching(const struct bvh *bvh, struct vec3 low, struct vec3 high,

@@ -23,6 +23,9 @@ static const double BORDER_WEIGHT = 1;
 /* The part of an error bound that one collapse may use: where everything is driven up to a bound,
  * the witnesses see about half of the largest distance; the estimate says the whole then. */
 static const double BOUND_PART = 0.5;
+/* Where the whole can be measured, the part grows until it has come so near to the bound. */
+static const double BOUND_NEAR = 0.8;
+static const double BOUND_GROWTH = 1.25;
 
 /* ---- beginning and end ---- */
 
@@ -32,11 +35,12 @@ void collapse_end(struct collapse **collapse)
     if (!c)
         return;
     struct context *ctx = c->ctx;
-    const size_t vertices = (size_t)c->vertex_count, faces = (size_t)c->face_count;
+    const size_t vertices = (size_t)c->vertex_count;
+    reference_clear(c);
     memory_release(ctx, &c->records, vertices, c->attributes.stride);
     memory_release(ctx, &c->keys, vertices, sizeof *c->keys);
-    memory_release(ctx, &c->vertices, vertices, sizeof *c->vertices);
-    memory_release(ctx, &c->corners, faces, 3 * sizeof *c->corners);
+    memory_release(ctx, &c->vertices, (size_t)c->vertex_room, sizeof *c->vertices);
+    memory_release(ctx, &c->corners, (size_t)c->face_room, 3 * sizeof *c->corners);
     memory_release(ctx, collapse, 1, sizeof *c);
 }
 
@@ -103,8 +107,8 @@ static enum status start(struct context *ctx, const struct collapse_options *opt
     c->options = *options;
     if (!(c->options.border_weight > 0))
         c->options.border_weight = BORDER_WEIGHT;
-    c->vertex_count = c->vertex_slots = vertex_count;
-    c->face_count = c->face_slots = c->live_faces = face_count;
+    c->vertex_count = c->vertex_room = c->vertex_slots = vertex_count;
+    c->face_count = c->face_room = c->face_slots = c->live_faces = face_count;
     if (attributes)
         c->attributes = *attributes;
     return STATUS_OK;
@@ -225,15 +229,40 @@ void collapse_mesh_clear(struct context *ctx, uint32_t stride, struct collapse_m
 
 /* ---- collapsing ---- */
 
-enum status collapse_run(struct collapse *c, uint64_t most_faces, double most_error)
+/* How many faces there are to be when the next reference is taken; 0: none is to be taken. A finer
+ * one is more exact and costs more: more collapses are measured by it. Where an error is asked for
+ * alone nobody knows the faces, and the first reference that there is room for is the one. */
+static uint64_t next_reference(struct collapse *c, uint64_t most_faces, bool bounded)
 {
-    const double part = sweep_part(c);
-    most_error *= c->scale * BOUND_PART;
-    if (c->held_back && most_error > c->error_bound) {
+    if (!c->options.measured)
+        return 0;
+    if (c->reference.face_count > 0) {
+        /* an old one is more exact, and slower, than a new one */
+        if (c->live_faces < 2 * most_faces || c->reference.face_count / 8 < most_faces || bounded)
+            return 0;
+        reference_clear(c);
+    }
+    const uint64_t times = c->options.effort >= 3 ? 4 : 2;
+    uint64_t faces = reference_most_faces(c);
+    if (most_faces > 0 && faces / times > most_faces)
+        faces = times * most_faces;
+    return faces > most_faces + most_faces / 4 ? faces : 0;
+}
+
+static void set_bound(struct collapse *c, double bound)
+{
+    if (c->held_back && bound > c->error_bound) {
         c->held_back = false;
         keys_sample(c);
     }
-    c->error_bound = most_error;
+    c->error_bound = bound;
+}
+
+/* Collapses down to `most_faces`, with the bound that is set; *done: nothing more is to be had. */
+static enum status run_down(struct collapse *c, uint64_t most_faces, bool *done)
+{
+    const double part = sweep_part(c);
+    *done = false;
     while (c->live_faces > most_faces) {
         const uint64_t left = c->live_faces - most_faces;
         uint64_t wanted = (uint64_t)((double)c->live_faces / 2 * part);
@@ -242,14 +271,16 @@ enum status collapse_run(struct collapse *c, uint64_t most_faces, double most_er
         if (!(threshold < INFINITY) && c->key_step > 1)
             threshold = FLT_MIN; /* those that were not looked at may have one */
         if (!(threshold < INFINITY)) {
-            if (c->held_back || c->options.keep_guards || c->guard == GUARD_NONE)
+            *done = c->held_back || c->options.keep_guards || c->guard == GUARD_NONE;
+            if (*done)
                 break;
             c->guard++;
             keys_sample(c);
             continue;
         }
         enum status status = sweep(c, threshold, wanted, most_faces);
-        if (status == STATUS_OK && c->live_faces < c->face_slots / 2)
+        if (status == STATUS_OK && c->live_faces < c->face_slots / 2 &&
+            c->reference.face_count == 0)
             status = topology_compact(c);
         if (status == STATUS_OK)
             status =
@@ -260,6 +291,48 @@ enum status collapse_run(struct collapse *c, uint64_t most_faces, double most_er
     return STATUS_OK;
 }
 
+/* Collapses up to the error `bound`, scaled. What one collapse may do is less than the largest
+ * distance in the end, by how much nobody knows: so it is let do a little, the whole is measured,
+ * and then it is let do more. */
+static enum status run_up_to(struct collapse *c, uint64_t most_faces, double bound, bool *done)
+{
+    enum { ROUNDS = 8 };
+    double part = BOUND_PART;
+    for (int round = 0; round < ROUNDS; round++) {
+        set_bound(c, fmax(part * bound, c->error_bound));
+        enum status status = run_down(c, most_faces, done);
+        if (status != STATUS_OK || c->live_faces <= most_faces || !c->held_back)
+            return status;
+        const double error = collapse_error(c) * c->scale;
+        if (error > BOUND_NEAR * bound)
+            break;
+        part *= fmin(BOUND_GROWTH, bound / (error + 1e-30 * bound));
+    }
+    return STATUS_OK;
+}
+
+enum status collapse_run(struct collapse *c, uint64_t most_faces, double most_error)
+{
+    enum status status = STATUS_OK;
+    bool done = false;
+    const double bound = most_error * c->scale;
+    const bool bounded = bound < INFINITY;
+    const uint64_t faces = next_reference(c, most_faces, bounded);
+    if (faces > 0) {
+        set_bound(c, bounded ? bound * BOUND_PART : INFINITY);
+        status = run_down(c, faces, &done);
+        if (status == STATUS_OK && c->live_faces > most_faces &&
+            (!done || (c->held_back && c->live_faces <= reference_most_faces(c))))
+            status = reference_take(c);
+        if (status != STATUS_OK)
+            return status;
+    }
+    if (bounded && c->reference.face_count > 0)
+        return run_up_to(c, most_faces, bound, &done);
+    set_bound(c, bounded ? bound * BOUND_PART : INFINITY);
+    return run_down(c, most_faces, &done);
+}
+
 uint64_t collapse_faces(const struct collapse *c)
 {
     return c->live_faces;
@@ -268,6 +341,8 @@ uint64_t collapse_faces(const struct collapse *c)
 double collapse_error(const struct collapse *c)
 {
     double largest = 0;
+    if (c->reference.face_count > 0)
+        return reference_error(c) / c->scale;
     for (uint32_t v = 0; v < c->vertex_slots; v++)
         if (c->vertices[v].corner != NO_INDEX)
             largest = fmax(largest, vertex_error(c, v, largest));

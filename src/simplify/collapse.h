@@ -18,6 +18,9 @@ struct collapse_options {
                         batches; 3: smaller still */
     double border_weight; /* of the boundary term; 0: the default */
     bool together;        /* use all threads of the context for this one mesh */
+    bool measured;        /* look at suspicious places, and at the end at all, with a copy of the
+                             mesh as it was at a few times the faces; takes no more memory than the
+                             mesh took at first */
     bool keep_guards;     /* rather stop than make slivers and turn faces over, where only these
                              stand in the way of fewer faces */
     bool roughly;       /* errors are not measured on the way: witnesses are carried along, no edge

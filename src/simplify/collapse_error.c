@@ -33,6 +33,8 @@
 /* Below this square of the sine at the corner a face is as good as its edges. */
 static const float NEEDLE = 1e-10f;
 static const float TINY = 1e-37f; /* keeps quotients finite */
+/* Edges whose faces have normals with less than this cosine (60 degrees) are rims. */
+static const float RIM_COSINE = 0.5f;
 static const float FAR = 3e38f;
 
 /* ---- a point and the faces at a vertex ---- */
@@ -162,18 +164,11 @@ static float square_at(const struct collapse *c, uint32_t v, const float place[3
 
 /* The faces at v need not be the nearest any more, since its neighbours have moved, too: from there
  * it goes to the neighbour whose faces are nearer, as long as there is one. */
-double vertex_error(const struct collapse *c, uint32_t v, double enough)
+float vertex_square(const struct collapse *c, uint32_t v, const float place[3], float enough)
 {
     struct vertex_look look, other;
-    float place[3];
-    const double noted = fabs((double)offset_get(c, v));
-    witness_get(c, v, place);
-    for (int k = 0; k < 3; k++)
-        place[k] += c->vertices[v].position[k];
     float nearest = square_at(c, v, place, &look);
-    if (!(nearest < INFINITY))
-        return noted;
-    for (bool nearer = true; nearer && (double)nearest > enough * enough;) {
+    for (bool nearer = nearest < INFINITY; nearer && nearest > enough;) {
         nearer = false;
         for (uint32_t i = 0; i < look.ring.count && !nearer; i++) {
             const float square = square_at(c, look.ring.vertices[i], place, &other);
@@ -184,7 +179,18 @@ double vertex_error(const struct collapse *c, uint32_t v, double enough)
             nearer = true;
         }
     }
-    return fmax(noted, sqrt((double)nearest));
+    return nearest;
+}
+
+double vertex_error(const struct collapse *c, uint32_t v, double enough)
+{
+    float place[3];
+    const double noted = fabs((double)offset_get(c, v));
+    witness_get(c, v, place);
+    for (int k = 0; k < 3; k++)
+        place[k] += c->vertices[v].position[k];
+    const float nearest = vertex_square(c, v, place, (float)(enough * enough));
+    return nearest < INFINITY ? fmax(noted, sqrt((double)nearest)) : noted;
 }
 
 /* ---- an edge ---- */
@@ -280,7 +286,26 @@ static float offset_after(const struct collapse *c, const struct edge_change *ch
     return (float)before + (in_front ? step : -step);
 }
 
-/* The largest squared distance of the new edges' middles, where both faces beside turn. */
+bool edge_is_rim(const struct collapse *c, const struct edge_change *change, int end, uint32_t j)
+{
+    const struct ring *ring = &change->looks[end]->ring;
+    const uint32_t before = j > 0 ? j - 1 : ring->faces - 1;
+    const float(*turned)[RING_LANES] = change->turned[end];
+    float dot = 0, square = 0, square_before = 0;
+    if ((c->vertices[change->v].flags | c->vertices[change->w].flags) &
+        c->vertices[ring->vertices[j]].flags & VERTEX_BORDER)
+        return true;
+    for (int k = 0; k < 3; k++) {
+        dot += turned[k][j] * turned[k][before];
+        square += turned[k][j] * turned[k][j];
+        square_before += turned[k][before] * turned[k][before];
+    }
+    /* one is 0 where a face goes */
+    return square * square_before > 0 &&
+           (dot <= 0 || dot * dot < RIM_COSINE * RIM_COSINE * square * square_before);
+}
+
+/* The largest squared distance of the new edges' middles, where the faces beside turn. */
 static float square_between(const struct collapse *c, const struct edge_change *change,
                             float enough)
 {
@@ -291,7 +316,7 @@ static float square_between(const struct collapse *c, const struct edge_change *
             const uint32_t before = j > 0 ? j - 1 : look->ring.faces - 1;
             const float *heights = change->heights[end];
             const float height = heights[j] > heights[before] ? heights[j] : heights[before];
-            if (height <= 4 * largest)
+            if (height <= 4 * largest && !edge_is_rim(c, change, end, j))
                 continue;
             float middle[3];
             struct face_place face;
@@ -350,8 +375,23 @@ void edge_guess_error(const struct collapse *c, const struct edge_change *change
     error->offset = (offset_get(c, change->v) + offset_get(c, change->w)) / 2;
 }
 
+float edge_square_after(const struct collapse *c, const struct edge_change *change, int end,
+                        const float p[3], float enough)
+{
+    const struct point point = point_at(change, end, p);
+    return square_after(c, change, &point, enough);
+}
+
+float edge_square_before(const struct collapse *c, const struct edge_change *change, int end,
+                         const float p[3])
+{
+    struct face_place face;
+    const struct point point = point_at(change, end, p);
+    return square_before(c, change, &point, 0, &face);
+}
+
 void edge_find_error(const struct collapse *c, const struct edge_change *change, double enough,
-                     struct edge_error *error)
+                     double most, struct edge_error *error)
 {
     float largest = -1;
     for (int i = 0; i < 4; i++) {
@@ -376,6 +416,10 @@ void edge_find_error(const struct collapse *c, const struct edge_change *change,
             error->witness[k] = point.at[0][k] - change->to[0][k];
     }
     error->forward = sqrt((double)largest);
+    error->offset = 0;
+    error->between = 0;
+    if (error->forward > most)
+        return;
     const float bound = (float)(enough * enough);
     error->offset = offset_after(c, change);
     error->between = sqrt((double)square_between(c, change, bound));

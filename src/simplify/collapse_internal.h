@@ -18,6 +18,7 @@
 #define SPBM_SIMPLIFY_COLLAPSE_INTERNAL_H
 
 #include "base/cpu.h"
+#include "geom/bvh.h"
 #include "geom/quadric.h"
 #include "simplify/collapse.h"
 
@@ -49,13 +50,24 @@ struct collapse_vertex {
  * with an earlier one. */
 enum guard { GUARD_FULL, GUARD_TURNED, GUARD_NONE };
 
+/* collapse_reference.c: the mesh as it was. Vertices have the places in the arrays that they had
+ * then, so those of the collapse must not move as long as it is there. */
+struct reference {
+    uint64_t vertex_count, face_count; /* 0: there is none */
+    double *positions;
+    uint32_t *faces;
+    uint32_t *next; /* vertices that have become one hang together in a ring */
+    struct bvh tree;
+};
+
 struct collapse {
     struct context *ctx;
     enum cpu_level level;
     enum guard guard;
     struct collapse_options options;
     uint64_t vertex_slots, face_slots; /* of the arrays in use, dead ones counted */
-    uint64_t vertex_count, face_count; /* allocated */
+    uint64_t vertex_count, face_count; /* at first */
+    uint64_t vertex_room, face_room;   /* allocated of vertices and corners */
     uint64_t live_faces;
     double origin[3];
     double scale; /* power of two that makes edges about 1 long, so that floats neither over- nor
@@ -74,6 +86,7 @@ struct collapse {
     uint32_t key_step; /* only every so many keys are known, the others are 0 */
     struct attributes attributes;
     unsigned char *records;
+    struct reference reference;
 };
 
 /* The neighbours of a vertex, counter-clockwise. corners[i] is the corner at the vertex whose edge
@@ -196,9 +209,10 @@ struct edge_error {
     float witness[3]; /* relative to the new vertex */
 };
 
-/* `enough`: what is smaller of `between` need not be exact. */
+/* `enough`: what is smaller of `between` need not be exact. Where `forward` is more than `most` the
+ * others are not looked for. */
 void edge_find_error(const struct collapse *collapse, const struct edge_change *change,
-                     double enough, struct edge_error *error);
+                     double enough, double most, struct edge_error *error);
 /* Without looking at faces: the witness that is farther above or below the new vertex stays, the
  * distances are 0. */
 void edge_guess_error(const struct collapse *c, const struct edge_change *change,
@@ -213,6 +227,40 @@ void witness_get(const struct collapse *collapse, uint32_t v, float offset[3]);
 /* Distance of v's witness from the faces nearby, or the error that was noted there if larger. What
  * is smaller than `enough` need not be exact. */
 double vertex_error(const struct collapse *collapse, uint32_t v, double enough);
+
+/* Whether the new edge to the j-th neighbour at that end is on the border or a rim: it may leave
+ * the surface in the plane of its faces. */
+bool edge_is_rim(const struct collapse *collapse, const struct edge_change *change, int end,
+                 uint32_t j);
+/* Squared distance of p, relative to the vertex at that end, from the faces that there will be and
+ * from those that are there. */
+float edge_square_after(const struct collapse *collapse, const struct edge_change *change, int end,
+                        const float p[3], float enough);
+float edge_square_before(const struct collapse *collapse, const struct edge_change *change, int end,
+                         const float p[3]);
+/* Squared distance of the point at `place` from the faces at v and, going from there to where they
+ * are nearer, the faces nearby. What is smaller than `enough` (squared) need not be exact. Infinite
+ * where there are too many to look at. */
+float vertex_square(const struct collapse *collapse, uint32_t v, const float place[3],
+                    float enough);
+
+/* ---- collapse_reference.c ---- */
+
+/* Makes the present mesh the reference. Vertices and faces are renumbered. */
+enum status reference_take(struct collapse *collapse) MUST_CHECK;
+void reference_clear(struct collapse *collapse);
+/* At most how many faces the reference may have that comes next, so that it takes no more than the
+ * room that arrays have gained since the beginning. */
+uint64_t reference_most_faces(const struct collapse *collapse);
+/* `gone` has been merged into `kept`. */
+void reference_merge(struct collapse *collapse, uint32_t kept, uint32_t gone);
+/* Whether surface and reference are within `bound` of each other round the edge after its collapse,
+ * in both directions and at some points. */
+bool reference_allows(const struct collapse *collapse, const struct edge_change *change,
+                      double bound);
+/* The largest distance between the surface and the reference, and of the witnesses from the
+ * surface: in both directions, at some points. */
+double reference_error(const struct collapse *collapse);
 
 /* ---- collapse_sweep.c ---- */
 

@@ -21,7 +21,7 @@ static const float FLIP_COSINE = 0.2f;
 /* Below this |n| / (sum of squared edges) a face is a sliver; an equilateral one has 0.289. A
  * stricter guard holds needles of range scans in place, and what they keep others must give: with
  * 0.01 the dragon's mean error at 1 % was a quarter larger. */
-static const float SLIVER_SHAPE = 0.001f;
+static const float SLIVER_SHAPE = 0.0001f;
 /* Below this |n| / (sum of squared edges) a face has no direction. */
 static const float NO_SHAPE = 1e-5f;
 static const float TINY = 1e-30f; /* keeps quotients finite */

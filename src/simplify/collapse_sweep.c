@@ -22,9 +22,20 @@ static const struct pace {
 } PACES[] = {{0.7, 3}, {0.4, 3}, {0.3, 2}};
 /* An edge waits when its error would be more than so many times the last sweep's typical one. (Not
  * the present sweep's so far: on parts the first thousands of collapses cost nothing, and all that
- * have a price would wait.) */
+ * have a price would wait.) With a reference less is let through, as what is only estimated to be
+ * astray need not wait. */
 static const double ASTRAY = 2.5;
+static const double ASTRAY_MEASURED = 2;
 static const double ERROR_LEAST = 1e-3; /* mean edges */
+static const double USUAL_FIRST = 0.5;  /* of the first sweep, mean edges */
+/* A sweep of fewer collapses than this part of the faces counts in proportion: the last ones before
+ * a target are few and dear, and must not raise what is usual. */
+static const double TYPICAL_PART = 0.0625;
+/* Estimated errors that the reference is asked about, as parts of what is usual: below they are
+ * harmless, above there is no hope. What it refuses counts as so many times what is usual. */
+static const double HARMLESS = 0.7;
+static const double HOPELESS = 2;
+static const double REFUSED = 1.25;
 
 /* ---- keys ---- */
 
@@ -195,7 +206,7 @@ static void renew_keys(struct collapse *c, const struct edge_change *change, uin
  */
 static double error_price(double error, double usual)
 {
-    if (!(usual > 0) || error <= usual)
+    if (error <= usual)
         return 1;
     /* bounded, so that where all have waited the costs still tell the order */
     const double times = fmin(error / usual, 32);
@@ -233,6 +244,34 @@ enum trial {
     TRIAL_ELSEWHERE, /* its other end reaches out of the territory */
 };
 
+/* Up to this error collapses need not wait. */
+static double usual_error(const struct collapse *c)
+{
+    const double edge = 1 / (double)c->unit;
+    if (!(c->typical_error > 0))
+        return USUAL_FIRST * edge;
+    /* rounding on flat faces is no error to go by */
+    const double typical = fmax(c->typical_error, ERROR_LEAST * edge);
+    return (c->reference.face_count > 0 ? ASTRAY_MEASURED : ASTRAY) * typical;
+}
+
+/* The error that a collapse is to be judged by. What the estimate finds harmless is believed; else
+ * the reference tells, if there is one. */
+static double judge_error(const struct collapse *c, const struct edge_change *change, double bound,
+                          struct edge_error *found)
+{
+    const double offset = fabs((double)found->offset);
+    const double error = fmax(found->forward, fmax(offset, found->between));
+    if (c->reference.face_count == 0 || found->forward > bound || error <= HARMLESS * bound ||
+        error > HOPELESS * bound)
+        return error;
+    if (!reference_allows(c, change, bound))
+        return fmax(error, REFUSED * bound);
+    if (offset > bound)
+        found->offset = found->offset < 0 ? -(float)bound : (float)bound;
+    return fmin(error, bound);
+}
+
 /* Tries edge i of v. When it turned out dearer than the threshold its cost says so now. */
 static enum trial try_edge(struct collapse *c, struct territory *t, uint32_t v,
                            struct vertex_edges *edges, uint32_t i, float threshold)
@@ -249,21 +288,18 @@ static enum trial try_edge(struct collapse *c, struct territory *t, uint32_t v,
     prepare_change(c, v, edges, i, &other, &change);
     if (!edge_shape_allows(c, &change))
         return TRIAL_DEAR;
-    /* rounding on flat faces is no error to go by */
-    const double typical =
-        c->typical_error > 0 ? fmax(c->typical_error, ERROR_LEAST / (double)c->unit) : 0;
+    const double usual = usual_error(c), bound = fmin(usual, c->error_bound);
     if (c->options.roughly)
         edge_guess_error(c, &change, &found);
     else
-        edge_find_error(c, &change, fmin(typical, c->error_bound), &found);
-    const double offset = fabs((double)found.offset);
-    const double error = fmax(found.forward, fmax(offset, found.between));
+        edge_find_error(c, &change, fmin(c->typical_error, bound), bound, &found);
+    const double error = judge_error(c, &change, bound, &found);
     if (error > c->error_bound ||
         (c->error_bound < INFINITY && !edge_keeps_witnesses(c, &change, c->error_bound))) {
         t->held_back = true;
         return TRIAL_DEAR;
     }
-    const double dearer = error_price(error, ASTRAY * typical);
+    const double dearer = error_price(error, usual);
     if (dearer > 1 && (double)edges->costs[i] * dearer > (double)threshold) {
         edges->costs[i] *= (float)dearer;
         return TRIAL_DEAR;
@@ -276,6 +312,7 @@ static enum trial try_edge(struct collapse *c, struct territory *t, uint32_t v,
     offset_set(c, kept, found.offset);
     t->error_sum += error;
     t->error_count++;
+    reference_merge(c, kept, gone);
     c->keys[gone] = INFINITY;
     renew_keys(c, &change, kept, threshold);
     return TRIAL_DONE;
@@ -403,8 +440,12 @@ static enum status sweep_together(struct collapse *c, float threshold, uint64_t 
 enum status sweep(struct collapse *c, float threshold, uint64_t wanted, uint64_t most_faces)
 {
     enum status status = STATUS_OK;
-    if (c->error_count > 0)
-        c->typical_error = c->error_sum / (double)c->error_count;
+    if (c->error_count > 0) {
+        const double mean = c->error_sum / (double)c->error_count;
+        const double enough = TYPICAL_PART * (double)c->live_faces;
+        const double weight = c->typical_error > 0 ? fmin(1, (double)c->error_count / enough) : 1;
+        c->typical_error += weight * (mean - c->typical_error);
+    }
     c->error_sum = 0;
     c->error_count = 0;
     if (c->options.together && c->vertex_slots >= 2 * TERRITORY_VERTICES &&

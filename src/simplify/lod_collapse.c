@@ -280,6 +280,7 @@ static enum status make_levels(struct lod *lod)
     struct small_mesh *root = lod->info->slab_count > 0 ? &lod->nodes[0] : &empty;
     struct collapse_options options = lod->collapse;
     options.together = true;
+    options.measured = true;
     enum status status = collapse_begin_giving(lod->ctx, &options, &root->triangles,
                                                &lod->info->attributes, &collapse);
     for (uint32_t i = 0; i < lod->report->level_count && status == STATUS_OK; i++)

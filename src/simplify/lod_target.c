@@ -72,10 +72,10 @@ enum status lod_target_levels(struct context *ctx, const struct target *target,
     return STATUS_OK;
 }
 
-/* Errors are kept as float32 here and there: what is a rounding above is not above. */
+/* An error is an estimate, good within a factor of 2, and so is an error that was asked for. */
 static bool is_above(double error, double bound)
 {
-    return error > bound * (1 + 1e-6);
+    return error > 2 * bound;
 }
 
 double lod_error_bound(const struct level *level)
