@@ -6,8 +6,13 @@
  * vertices get an order local in space before anything looks at neighbours; duplicate faces go
  * before edges are judged, or each would make its edges non-manifold; edges and vertices are
  * separated before orientation is mended, since sides that don't belong together need not agree;
- * and cutting a surface that is not orientable makes new fans to be separated. For a clean scan
- * each of these is one look that finds nothing.
+ * and cutting a surface that is not orientable makes new fans to be separated.
+ *
+ * For a clean scan each of these is one look that finds nothing, and every look costs as much as the
+ * mesh has bytes where it does not fit in memory. So faces are numbered while they are read; the box
+ * is found while vertices are put in order; what is known of edges between slabs is entered when a
+ * slab is looked at (draft_seams.c); and the last look, the survey, writes the store. So faces are
+ * read back twice before they stand in the store, neighbours once.
  */
 #include "mesh/store.h"
 
