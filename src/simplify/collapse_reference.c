@@ -33,7 +33,7 @@ static const float TURNED_LEAST = 0.25f;
  */
 static const double NOTED_LEAST = 0.3;
 /* So many points are looked for among all faces where no face nearby is near. */
-enum { SEARCHES_MAX = 8 };
+enum { SEARCHES_MAX = 64 };
 
 /* ---- taking the copy ---- */
 
