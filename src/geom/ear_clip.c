@@ -177,10 +177,15 @@ static void set_blocking(struct clipper *clipper, uint32_t corner, bool is_block
         clipper->is_blocking[corner] = is_blocking;
 }
 
-static enum kind kind_of(const struct clipper *clipper, const struct ear *ear)
+static int64_t turn_at(const struct clipper *clipper, uint32_t corner)
 {
     const struct grid_point *points = clipper->points;
-    int64_t turn = orientation(points[ear->a], points[ear->b], points[ear->c]);
+    return orientation(points[clipper->previous[corner]], points[corner],
+                       points[clipper->next[corner]]);
+}
+
+static enum kind kind_of(const struct clipper *clipper, const struct ear *ear, int64_t turn)
+{
     if (clipper->is_forbidden[ear->b])
         return KIND_FORBIDDEN;
     if (turn <= 0)
@@ -188,11 +193,11 @@ static enum kind kind_of(const struct clipper *clipper, const struct ear *ear)
     return has_blocker(clipper, ear) ? KIND_BLOCKED : KIND_EAR;
 }
 
-/* Sets a corner's key anew. */
-static void judge(struct clipper *clipper, uint32_t corner)
+/* Sets a corner's key anew; `turn` is turn_at. */
+static void judge(struct clipper *clipper, uint32_t corner, int64_t turn)
 {
     struct ear ear = {clipper, clipper->previous[corner], corner, clipper->next[corner]};
-    enum kind kind = kind_of(clipper, &ear);
+    enum kind kind = kind_of(clipper, &ear, turn);
     const struct grid_point *points = clipper->points;
     double openness = 1 - cosine_at(points[ear.a], points[ear.b], points[ear.c]);
     openness = openness < 0 ? 0 : openness > 2 ? 2 : openness; /* rounding may pass the ends */
@@ -201,20 +206,20 @@ static void judge(struct clipper *clipper, uint32_t corner)
 
 static void rejudge(struct clipper *clipper, uint32_t corner)
 {
-    judge(clipper, corner);
+    judge(clipper, corner, turn_at(clipper, corner));
     heap_move(clipper, corner);
 }
 
 /* A neighbour of the corner has been cut: its triangle is another one. */
 static void update(struct clipper *clipper, uint32_t corner)
 {
-    const struct grid_point *points = clipper->points;
-    bool is_blocking = orientation(points[clipper->previous[corner]], points[corner],
-                                   points[clipper->next[corner]]) <= 0;
+    const int64_t turn = turn_at(clipper, corner);
+    const bool is_blocking = turn <= 0;
     clipper->is_forbidden[corner] = false;
     if (is_blocking != clipper->is_blocking[corner])
         set_blocking(clipper, corner, is_blocking);
-    rejudge(clipper, corner);
+    judge(clipper, corner, turn);
+    heap_move(clipper, corner);
 }
 
 static void cut(struct clipper *clipper, uint32_t corner)
@@ -223,6 +228,8 @@ static void cut(struct clipper *clipper, uint32_t corner)
     heap_remove(clipper, corner);
     clipper->next[a] = c;
     clipper->previous[c] = a;
+    if (clipper->count == 3) /* they are the last triangle, whatever they are */
+        return;
     if (clipper->is_blocking[corner])
         set_blocking(clipper, corner, false);
     update(clipper, a);
@@ -258,15 +265,14 @@ static enum status set_up(struct context *ctx, struct scratch *scratch,
     for (uint32_t i = 0; i < input->n; i++) {
         clipper->previous[i] = i == 0 ? input->n - 1 : i - 1;
         clipper->next[i] = i + 1 == input->n ? 0 : i + 1;
-        clipper->is_blocking[i] = orientation(input->points[clipper->previous[i]], input->points[i],
-                                              input->points[clipper->next[i]]) <= 0;
+        clipper->is_blocking[i] = turn_at(clipper, i) <= 0;
         clipper->blocking_count += clipper->is_blocking[i];
     }
     if (has_tree)
         point_tree_build(&clipper->tree, input->points, input->n, clipper->is_blocking,
                          scratch->block);
     for (uint32_t i = 0; i < input->n; i++) {
-        judge(clipper, i);
+        judge(clipper, i, turn_at(clipper, i));
         heap_put(clipper, i, i);
     }
     for (uint32_t i = input->n / 2; i-- > 0;)
@@ -306,7 +312,7 @@ enum status cut_ears(struct context *ctx, struct scratch *scratch, const struct 
     for (;;) {
         uint32_t b = clipper.heap[0];
         uint32_t a = clipper.previous[b], c = clipper.next[b];
-        if (!input->is_simple && is_outdated(&clipper, b))
+        if (!input->is_simple && clipper.count > 3 && is_outdated(&clipper, b))
             continue;
         if (clipper.count > 3) {
             if (clipper.key[b] >= 4.0 * KIND_BLOCKED && clipper.count <= input->give_back_max) {
