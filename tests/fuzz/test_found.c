@@ -22,7 +22,13 @@ static struct chain_info fair_info(void)
                               .slab_count = 1,
                               .effort = 2,
                               .mean_edge = 1,
-                              .topology = {.vertices = 3, .edges = 3, .faces = 1},
+                              .topology = {.vertices = 3,
+                                           .edges = 3,
+                                           .faces = 1,
+                                           .border_edges = 3,
+                                           .border_loops = 1,
+                                           .components = 1,
+                                           .euler = 1},
                               .options = {.most_faces = 1},
                               .attributes = {.count = 1, .stride = 1}};
     strcpy(info.attributes.list[0].name, "red");
@@ -51,6 +57,17 @@ static void a_chain_file_with_a_forged_origin_or_box(void **state)
     assert_null(decode(&info));
     info.box_low[2] = 2;
     assert_non_null(strstr(decode(&info), "box"));
+}
+
+/* Four thousand million faces in a file of 11 kB: lod said that it needs 131 GB (exit 4). */
+static void a_chain_file_that_claims_many_faces(void **state)
+{
+    (void)state;
+    struct chain_info info = fair_info();
+    info.topology.faces = 4000000000;
+    assert_non_null(strstr(decode(&info), "contradict each other"));
+    info.slab_count = 15259;
+    assert_null(decode(&info));
 }
 
 /* The name of an attribute goes into the header of a PLY: a line end in it would be a line of its
@@ -220,6 +237,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_chain_file_with_a_forged_origin_or_box),
+        cmocka_unit_test(a_chain_file_that_claims_many_faces),
         cmocka_unit_test(a_chain_file_with_a_forged_attribute),
         cmocka_unit_test(a_chain_file_whose_patches_do_not_join),
         cmocka_unit_test(a_chain_file_whose_faces_share_an_edge_wrongly),
