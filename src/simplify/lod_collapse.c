@@ -94,7 +94,7 @@ static enum status thin_node(struct lod *lod, uint32_t node)
     const size_t vertices = (size_t)mesh->triangles.vertex_count;
     const double part = (double)lod->weights[node] / (double)(lod->info->patches + 1);
     const double slack = SLACK[lod->collapse.effort < 3 ? lod->collapse.effort : 3];
-    const double wanted = lod->finest_faces ? slack * part * (double)lod->finest_faces : 0;
+    double wanted = lod->finest_faces ? slack * part * (double)lod->finest_faces : 0;
     if ((double)mesh->triangles.face_count <= wanted || lod->node_count == 1)
         return STATUS_OK;
     options.keep_guards = true; /* the root has more to choose from */
@@ -103,6 +103,10 @@ static enum status thin_node(struct lod *lod, uint32_t node)
     if (status != STATUS_OK)
         return status;
     small_mesh_lock(mesh, mesh->triangles.locked);
+    /* what the seams hold back is not to be missing inside: with slabs of 2^13 faces the mean error
+     * of skull at 2,000 faces was twice what it is with one slab */
+    for (size_t v = 0; v < vertices && wanted > 0; v++)
+        wanted += mesh->triangles.locked[v] ? 2 : 0;
     status =
         collapse_begin_giving(ctx, &options, &mesh->triangles, &lod->info->attributes, &collapse);
     if (status == STATUS_OK)
