@@ -151,6 +151,8 @@ static enum status sort_collected(struct sorter *sorter)
     enum status status = memory_take(sorter->ctx, sorter->capacity, sorter->record_size, &scratch);
     if (status != STATUS_OK)
         return status;
+    if (sorter->count == sorter->capacity)
+        memory_use_whole(scratch, sorter->capacity, sorter->record_size);
     status = radix_sort(sorter->ctx, sorter->records, scratch, sorter->count, sorter->record_size,
                         sorter->key_words, &sorted);
     if (status == STATUS_OK && sorted == scratch) {
@@ -199,6 +201,20 @@ static enum status grow(struct sorter *sorter)
     if (status == STATUS_OK)
         sorter->capacity = wanted;
     return status;
+}
+
+enum status sorter_expect(struct sorter *sorter, uint64_t count)
+{
+    const size_t wanted = count < sorter->run_records ? (size_t)count : sorter->run_records;
+    if (sorter->state != ADDING || wanted <= sorter->capacity)
+        return STATUS_OK;
+    enum status status =
+        memory_resize(sorter->ctx, &sorter->records, sorter->capacity, wanted, sorter->record_size);
+    if (status != STATUS_OK)
+        return status;
+    sorter->capacity = wanted;
+    memory_use_whole(sorter->records, wanted, sorter->record_size);
+    return STATUS_OK;
 }
 
 enum status sorter_add(struct sorter *sorter, const void *records, size_t count)

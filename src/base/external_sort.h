@@ -14,6 +14,8 @@ struct sorter;
 /* record_size at most 64, key_size 8 or 16 (at most record_size). `beside` as in temp_open. */
 enum status sorter_open(struct context *ctx, size_t record_size, size_t key_size,
                         uint64_t memory_limit, const char *beside, struct sorter **out) MUST_CHECK;
+/* About so many will be added: room for them at once, as far as the limit goes. */
+enum status sorter_expect(struct sorter *sorter, uint64_t count) MUST_CHECK;
 /* Adds `count` records. */
 enum status sorter_add(struct sorter *sorter, const void *records, size_t count) MUST_CHECK;
 /* Ends the adding. */

@@ -514,6 +514,8 @@ enum status number_begin(struct draft *draft, uint64_t id_count, struct numberin
     if (status == STATUS_OK)
         status = room_scratch(&draft->room, &n->number_spool, id_count * 4, &n->number_of);
     if (status == STATUS_OK)
+        status = spool_reserve(&n->id_spool, id_count * 4);
+    if (status == STATUS_OK)
         status = begin_visits(n);
     *out = n;
     return status;

@@ -233,6 +233,8 @@ static enum status move_faces(struct ordering *o)
     const uint64_t mask = ((uint64_t)1 << o->index_bits) - 1;
     spool_init(draft->ctx, &moved, draft->room.beside, room_spool_limit(&draft->room, 2));
     enum status status = sorter_finish(o->sorter);
+    if (status == STATUS_OK)
+        status = spool_reserve(&moved, 12 * draft->face_count);
     if (o->moves_faces)
         spool_clear(&draft->face_spool);
     while (status == STATUS_OK) {
@@ -414,6 +416,8 @@ static enum status sort_keys(struct ordering *o)
     if (status == STATUS_OK)
         status = sorter_open(draft->ctx, size, 8, room_left(&draft->room) / 2, draft->room.beside,
                              &o->sorter);
+    if (status == STATUS_OK)
+        status = sorter_expect(o->sorter, draft->face_count);
     if (status == STATUS_OK)
         status = parallel_ordered(draft->ctx, draft->slab_count, o->in_flight, make_keys,
                                   finish_keys, o);

@@ -220,6 +220,8 @@ static enum status find_groups(struct ingest *ingest, bool all, struct merging *
     struct sorter *sorter = NULL;
     enum status status = sorter_open(ingest->ctx, record_size, 16, room_left(ingest->room) / 2,
                                      ingest->room->beside, &sorter);
+    if (status == STATUS_OK && (all || ingest->input_count == 1))
+        status = sorter_expect(sorter, ingest->vertex_count);
     if (status == STATUS_OK)
         status = add_inputs(ingest, all, sorter);
     spool_forget_all(&ingest->position_spool);
