@@ -33,6 +33,9 @@ static const double plane_cosines[] = {0.984807753012208, 0.99756405025982424};
  */
 static const double flat_sharp = 0.6, flat_plane = 0.94;
 
+/* What widens inside of a feature has a flat side; where bores meet there is none. */
+static const double flat_large = 0.8;
+
 /* By how much the flat side must be flatter than the wall. */
 static const double flat_margin = 0.1;
 
@@ -258,8 +261,10 @@ static enum status judge_loop(struct search *search, uint32_t first, bool is_sha
     }
     if (status != STATUS_OK)
         return status;
-    if (is_large)
-        return is_sharp ? keep_large(search, &loop) : STATUS_OK;
+    if (is_large) {
+        bool is_flat = fmax(fabs(loop.flat_left), fabs(loop.flat_right)) >= flat_large;
+        return is_sharp && is_flat ? keep_large(search, &loop) : STATUS_OK;
+    }
     double flat = is_sharp ? flat_sharp : flat_plane;
     bool is_chamfer = false;
     if (-loop.flat_left < flat ||

@@ -15,7 +15,7 @@ struct rim_options {
         sharp_cosine[2]; /* an edge is sharp when the cosine of its angle is between [1] and [0] */
 };
 
-/* A loop that is not small, found between two smooth regions. */
+/* A loop that is not small and flat on one side, found between two smooth regions. */
 struct large_loop {
     uint32_t first; /* half-edge */
     struct vec3 normal;

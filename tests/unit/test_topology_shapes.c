@@ -7,6 +7,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "test_parts.h"
@@ -166,6 +167,70 @@ static void stepped_bore_goes_by_steps(void **state)
     shape_free(&shape);
 }
 
+enum { GRID = 20 };
+
+/* A block of cubes without three square bores through its middle, of which the widest is 6. */
+static bool is_solid(int x, int y, int z)
+{
+    int a = abs(2 * x - GRID + 1), b = abs(2 * y - GRID + 1), c = abs(2 * z - GRID + 1);
+    bool is_inside = x >= 0 && y >= 0 && z >= 0 && x < GRID && y < GRID && z < GRID;
+    return is_inside && !(a < 4 && b < 4) && !(b < 6 && c < 6) && !(a < 6 && c < 4);
+}
+
+static struct shape drilled_block(void)
+{
+    static uint32_t numbers[GRID + 1][GRID + 1][GRID + 1];
+    static const int corners[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
+    struct shape shape = {0};
+    memset(numbers, 0xff, sizeof numbers);
+    for (int i = 0; i < GRID * GRID * GRID * 6; i++) {
+        int cell[3] = {i / 6 % GRID, i / 6 / GRID % GRID, i / 6 / GRID / GRID};
+        unsigned axis = (unsigned)(i % 3), u = (axis + 1) % 3, v = (axis + 2) % 3;
+        int side = i % 6 / 3, beside[3] = {cell[0], cell[1], cell[2]};
+        uint32_t face[4];
+        beside[axis] += side ? 1 : -1;
+        if (!is_solid(cell[0], cell[1], cell[2]) || is_solid(beside[0], beside[1], beside[2]))
+            continue;
+        for (unsigned k = 0; k < 4; k++) {
+            int at[3] = {cell[0], cell[1], cell[2]};
+            at[axis] += side;
+            at[u] += corners[k][0];
+            at[v] += corners[k][1];
+            uint32_t *number = &numbers[at[0]][at[1]][at[2]];
+            if (*number == UINT32_MAX)
+                *number = shape_vertex(&shape, at[0], at[1], at[2]);
+            face[side ? k : 3 - k] = *number;
+        }
+        shape_triangle(&shape, face[0], face[1], face[2]);
+        shape_triangle(&shape, face[0], face[2], face[3]);
+    }
+    return shape;
+}
+
+/* Bores that meet inside go together, though the loops where they meet are larger than their rims;
+ * a narrow one that ends in wider ones goes without them. */
+static void cross_drilled_bores(void **state)
+{
+    (void)state;
+    struct shape shape = drilled_block();
+    struct topology_options options;
+    struct operated out;
+    topology_defaults(&options);
+    options.max_feature.value = 5.5; /* the rims have 5.66, 7.21 and 8.49 */
+    expect(&shape, &options, 2 - 2 * 5, 1, 0);
+    options.max_feature.value = 5.8;
+    expect(&shape, &options, 2 - 2 * 3, 1, 2);
+    options.max_feature.value = 8.6;
+    options.merge_coplanar = true;
+    operate(&shape, &options, 0, &out);
+    assert_true(facts_manifold(&out.facts));
+    assert_int_equal(out.facts.faces, 12);
+    assert_int_equal(out.report.counts[FEATURE_HOLE], 1);
+    assert_int_equal(out.report.features[0].loops, 6);
+    operated_clear(&out);
+    shape_free(&shape);
+}
+
 /* A pin is small by its loops and large by its extent. */
 static void long_pin_stays_by_extent(void **state)
 {
@@ -253,6 +318,7 @@ int main(void)
         cmocka_unit_test(chamfered_bore_goes_by_its_outer_rim),
         cmocka_unit_test(countersinks_go_as_one),
         cmocka_unit_test(stepped_bore_goes_by_steps),
+        cmocka_unit_test(cross_drilled_bores),
         cmocka_unit_test(long_pin_stays_by_extent),
         cmocka_unit_test(cracks_close_below_their_size_only),
         cmocka_unit_test(specks_are_dropped),
