@@ -20,6 +20,8 @@
 #include "collapse_internal.h"
 
 static const double BORDER_WEIGHT = 1;
+/* Scale of edges that are 2^20 long. */
+static const double LONG_EDGES = 0x1p-20;
 /* The part of an error bound that one collapse may use: where everything is driven up to a bound,
  * the witnesses see about half of the largest distance; the estimate says the whole then. */
 static const double BOUND_PART = 0.5;
@@ -82,10 +84,14 @@ static void choose_frame(struct collapse *c, const double *doubles, const float 
         c->origin[k] = c->is_float32 ? 0 : low[k] + (high[k] - low[k]) / 2;
     c->scale = choose_scale(c->face_count, low, high);
     const double unit = c->scale;
-    for (size_t i = 0; i < count && c->is_float32; i++) {
+    /* Where scaling would lose bits of a tiny number, rather be exact; but edges so long that
+     * powers of them overflow make a number so tiny nothing, unless input vertices are to be kept.
+     */
+    const bool may_be_long = c->options.subset || unit > LONG_EDGES;
+    for (size_t i = 0; i < count && c->is_float32 && may_be_long; i++) {
         const double scaled = (doubles ? doubles[i] : (double)floats[i]) * c->scale;
         if ((double)(float)scaled != scaled)
-            c->scale = 1; /* would lose bits of a tiny number: rather be exact */
+            c->scale = 1;
     }
     c->unit = (float)fmin(unit / c->scale, 0x1p100);
 }

@@ -286,7 +286,9 @@ static enum trial try_edge(struct collapse *c, struct territory *t, uint32_t v,
     if (!topology_allows(c, v, &edges->look.ring, i, &other.ring))
         return TRIAL_DEAR;
     prepare_change(c, v, edges, i, &other, &change);
-    if (!edge_shape_allows(c, &change))
+    /* edges of 1e37 overflow */
+    if (!isfinite(change.to[0][0] + change.to[0][1] + change.to[0][2]) ||
+        !edge_shape_allows(c, &change))
         return TRIAL_DEAR;
     const double usual = usual_error(c), bound = fmin(usual, c->error_bound);
     if (c->options.roughly)

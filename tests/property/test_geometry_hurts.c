@@ -55,7 +55,7 @@ static void check_level(const char *name, const struct level *level, const struc
     context_clear(&ctx);
 }
 
-static void check_levels(const char *store, const struct facts *original, enum lod_mode mode)
+static void check_levels(const struct facts *original, enum lod_mode mode, enum placement place)
 {
     struct context ctx;
     context_init(&ctx);
@@ -67,11 +67,13 @@ static void check_levels(const char *store, const struct facts *original, enum l
         .effort = 2};
     struct patch_request request = {
         .patch_angle = {-1, -1}, .face_angle = {-1, -1}, .smoothings = -1, .chain_tolerance = -1};
-    const char *chains = test_path("mesh.chains");
+    const char *store = test_path("mesh.store"), *chains = test_path("mesh.chains");
     must(chain_build(&ctx, store, chains, &target, &request, NULL), &ctx);
     must(chain_file_check(&ctx, chains), &ctx);
-    struct lod_options options = {
-        .target = target, .output = test_path("level-%d.ply"), .export = {.format = EXPORT_PLY}};
+    struct lod_options options = {.target = target,
+                                  .place = place,
+                                  .output = test_path("level-%d.ply"),
+                                  .export = {.format = EXPORT_PLY}};
     struct lod_report report;
     must(lod_build(&ctx, chains, &options, &report), &ctx);
     assert_int_equal(ctx.memory_now, 0);
@@ -98,8 +100,9 @@ static struct facts put_through(struct shape *shape, struct store_info *info)
     assert_int_equal(ctx.memory_now, 0);
     context_clear(&ctx);
     struct facts facts = facts_of_store(store);
-    check_levels(store, &facts, MODE_COLLAPSE);
-    check_levels(store, &facts, MODE_CLASSIC);
+    check_levels(&facts, MODE_COLLAPSE, PLACE_OPTIMAL);
+    check_levels(&facts, MODE_COLLAPSE, PLACE_SUBSET);
+    check_levels(&facts, MODE_CLASSIC, PLACE_SUBSET);
     return facts;
 }
 
@@ -139,6 +142,21 @@ static void all_vertices_in_a_plane(void **state)
     assert_int_equal(facts.euler, 2);
     shape = shape_grid_with_holes(24, 16);
     put_through(&shape, NULL);
+}
+
+/* Squares of such lengths overflow, and scaled down the small number would be none. */
+static void numbers_of_all_sizes(void **state)
+{
+    (void)state;
+    uint64_t seed = 1;
+    for (int round = 0; round < 20; round++) {
+        struct shape shape = shape_torus(6, 4);
+        for (int i = 0; i < 12; i++)
+            shape.positions[random_below(&seed, 72)] =
+                (random_unit(&seed) - 0.5) * pow(10, 54 * random_unit(&seed) - 17);
+        struct facts facts = put_through(&shape, NULL);
+        assert_int_equal(facts.euler, 0);
+    }
 }
 
 static void differences_in_the_last_bit(void **state)
@@ -369,6 +387,7 @@ int main(void)
         cmocka_unit_test(all_vertices_at_one_point),
         cmocka_unit_test(all_vertices_on_a_line),
         cmocka_unit_test(all_vertices_in_a_plane),
+        cmocka_unit_test(numbers_of_all_sizes),
         cmocka_unit_test(differences_in_the_last_bit),
         cmocka_unit_test(slivers),
         cmocka_unit_test(zero_area_faces_in_a_closed_surface),
