@@ -12,6 +12,9 @@
  * (2) each bucket by itself ranks its ids by first use; (3) the corners take their ranks, and a
  * rank that is new to its bucket is the first use of its vertex, which now gets its number; (4)
  * each bucket turns ranks into numbers; (5) the corners take them.
+ *
+ * The one sweep needs each face once, in order: so the first numbering is made of faces as the
+ * reader gives them, wherever it can be, and they are never looked at without their numbers.
  */
 #include "mesh/draft.h"
 
