@@ -35,8 +35,8 @@ enum { EXCERPTS = 4, EXCERPT_FACES = 1 << 13 };
  * of many faces want up to FINE_MORE times as many: what looks like noise is also the terraces of
  * voxels, whose shape patches of few faces must not lose. */
 static const double patches_a_face[4] = {0, 3, 6, 16};
-static const double patches_a_smooth_face[4] = {0, 7, 17, 40};
-static const double smooth_below = 0.035, noisy_above = 0.055;
+static const double patches_a_smooth_face[4] = {0, 7, 19, 44};
+static const double smooth_below = 0.037, noisy_above = 0.05;
 static const double few_faces = 0.02, many_faces = 0.1; /* of the surface's */
 static const double FINE_MORE = 4. / 3;
 /* So few patches cost nothing, and a level of a few hundred faces is better for them. */
@@ -50,9 +50,9 @@ static const double classic_patches_a_face = 0.6;
 static const double bulge_part[4] = {0, 0.03, 0.025, 0.02};
 
 /* Patch angles to choose from, degrees, ascending; the face angle is FACE_PART of it. */
-static const double angles[] = {0.25, 0.5, 0.75, 1,   1.4, 2,   2.8, 3.5, 4.2, 5,    5.5,
-                                6,    6.5, 7,    7.5, 8,   8.5, 9,   9.5, 10,  10.5, 11,
-                                11.5, 12,  13,   14,  15,  16,  17,  18,  19,  20};
+static const double angles[] = {0.25, 0.5,  0.75, 1,  1.4, 1.7, 2,   2.4, 2.8, 3.1, 3.5, 3.8, 4.2,
+                                4.6,  5,    5.5,  6,  6.5, 7,   7.5, 8,   8.5, 9,   9.5, 10,  10.5,
+                                11,   11.5, 12,   13, 14,  15,  16,  17,  18,  19,  20};
 enum { ANGLES = sizeof angles / sizeof *angles };
 static const double FACE_PART = 0.85;
 
