@@ -30,7 +30,7 @@ enum { JOIN_WIDTH = 8 };
  * enough for the root to choose where they are needed, and for the locked seams not to show. (On a
  * noisy million-face scan and the dragon 4 to 10 make no difference to the means; with 3 the mean
  * at 3,500 faces is 5 % larger and the largest distance half.) */
-static const double SLACK[4] = {10, 6, 7, 10};
+static const double SLACK[4] = {10, 4, 7, 10};
 /* A block is collapsed up to this part of the finest level's error. */
 static const double ERROR_PART = 0.5;
 /* Chain tolerance as a part of the mean edge of the finest level, and of the finest error. */
