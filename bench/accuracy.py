@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""accuracy.py [--work DIR] [--only NAME,...] [--peers NAME,...] [-o RECORD.md]
+"""accuracy.py [--work DIR] [--only NAME,...] [--peers DIR] [--cached] [-o RECORD.md]
 
 Compares the accuracy of spbm with that of Debian's other simplifiers at equal face counts: each
 input is imported and exported once (so that all simplify the same clean manifold), simplified by
@@ -59,7 +59,7 @@ def prepare(spbm, generator, work, name):
         return mesh, json.load(file)["store"]
 
 
-def simplify(spbm, peers, work, name, method, mesh, faces):
+def simplify(spbm, peers, work, name, method, mesh, faces, cached=False):
     """Runs one simplification and measures it. Peers' results come from the work folder if there."""
     slug = method.lower().replace(" ", "-")
     output, record = f"{work}/{name}-{faces}-{slug}.ply", f"{work}/{name}-{faces}-{slug}.json"
@@ -67,6 +67,8 @@ def simplify(spbm, peers, work, name, method, mesh, faces):
     if not own and os.path.exists(record):
         with open(record, encoding="utf-8") as file:
             return json.load(file)
+    if not own and cached:
+        return None
     if own:
         effort = method.split()[-1]
         made_by = Run([spbm, "simplify", mesh, "-o", output, "--faces", str(faces), "-q", "--effort",
@@ -100,6 +102,34 @@ def describe_topology(wanted, result):
     return "; ".join(found) or "kept"
 
 
+def check_count(store, result, faces):
+    """Nothing, or what is wrong with the count: it is N or N-1, or the run says that it missed."""
+    level = result["level"]
+    if level["faces"] in (faces, faces - 1) or level["stop"] != "reached":
+        return None
+    return f"{level['faces']} faces for {faces}, stop {level['stop']}"
+
+
+def summarise(rows):
+    """What holds and what does not, over all rows of spbm: (mesh, faces, method, figures, ratios,
+    estimate, topology, count)."""
+    lines = [f"{len(rows)} runs of spbm. Topology kept in {sum(row[6] == 'kept' for row in rows)}; "
+             f"N or N-1 faces, or a reason: {sum(row[7] is None for row in rows)}."]
+    for effort in "123":
+        own = [row for row in rows if row[2].endswith(effort)]
+        if not own:
+            continue
+        ratios = [row for row in own if row[4]]
+        above = [f"{row[0]} {row[1]:,} {row[4]['max']:.2f}" for row in ratios if row[4]["max"] > 1.3]
+        estimates = [row[5] for row in own]
+        lines.append(
+            f"- effort {effort}: mean to the better quadric collapse's "
+            f"{min(row[4]['mean'] for row in ratios):.2f} to {max(row[4]['mean'] for row in ratios):.2f}; "
+            f"maximum above 1.3 of it in {len(above)} of {len(ratios)}: {', '.join(above) or 'none'}; "
+            f"--error {min(estimates):.2f} to {max(estimates):.2f} of the measured maximum.")
+    return lines
+
+
 def figures(result):
     measurement = result["measurement"]
     diagonal = measurement["diagonal"]
@@ -109,7 +139,7 @@ def figures(result):
             "max": measurement["hausdorff"] / diagonal}
 
 
-def table(name, store, faces, results):
+def table(name, store, faces, results, summary):
     rows = [f"\n### {name}: {store['topology']['faces']:,} faces to {faces:,}"
             f" (floor {store['topology']['floor']:,})\n",
             "| method | faces | mean | RMS | max | mean, RMS, max to the quadric collapses' best |"
@@ -123,7 +153,14 @@ def table(name, store, faces, results):
         own = figures(result)
         ratios = ", ".join(f"{own[key] / best[key]:.2f}" for key in own) if best else ""
         level = result["level"]
-        estimate = (f"{level['error'] / result['measurement']['hausdorff']:.2f}" if level else "")
+        estimate = ""
+        if level:
+            part = level["error"] / result["measurement"]["hausdorff"]
+            estimate = f"{part:.2f}"
+            summary.append((name, faces, method, own,
+                            {key: own[key] / best[key] for key in own} if best else None, part,
+                            describe_topology(store["topology"], result),
+                            check_count(store, result, faces)))
         rows.append(
             f"| {method} | {result['measurement']['simplified']['topology']['faces']:,} "
             f"| {own['mean']:.3e} | {own['rms']:.3e} | {own['max']:.3e} | {ratios} | {estimate} "
@@ -140,6 +177,7 @@ def main():
     parser.add_argument("--methods", help="comma-separated; default: all whose driver is there")
     parser.add_argument("--work", default=f"{ROOT}/build/accuracy")
     parser.add_argument("--only", help="comma-separated names of meshes")
+    parser.add_argument("--cached", action="store_true", help="no peer is run: what DIR has counts")
     parser.add_argument("-o", "--output", help="the record; default: standard output")
     options = parser.parse_args()
     os.makedirs(options.work, exist_ok=True)
@@ -152,18 +190,22 @@ def main():
              f"{made()} Lengths are fractions of the bounding box's diagonal, mean of both directions;"
              " CPU seconds and peak memory are of the whole process, reading and writing"
              " included."]
+    summary, head = [], len(lines)
     for name in options.only.split(",") if options.only else MESHES:
         mesh, store = prepare(options.spbm, options.generator, options.work, name)
         for faces in MESHES[name][1]:
             results = {}
             for method in methods:
                 try:
-                    results[method] = simplify(options.spbm, options.peers, options.work, name,
-                                               method, mesh, faces)
+                    result = simplify(options.spbm, options.peers, options.work, name, method,
+                                      mesh, faces, options.cached)
+                    if result:
+                        results[method] = result
                 except RuntimeError as error:
                     print(error, file=sys.stderr)
-            lines += table(name, store, faces, results)
+            lines += table(name, store, faces, results, summary)
             print("\n".join(lines[-len(results) - 3:]), file=sys.stderr)
+    lines[head:head] = ["", *summarise(summary)] if summary else []
     text = "\n".join(lines) + "\n"
     write(text, options.output)
 
