@@ -286,6 +286,14 @@ void memory_keep_spares(struct context *ctx, bool keep)
         spare_maps_trim(&ctx->spares, 0);
 }
 
+uint64_t memory_limit_spares(struct context *ctx, uint64_t most)
+{
+    if (atomic_load(&ctx->spares.bytes) > most)
+        spare_maps_trim(&ctx->spares, most);
+    const uint64_t kept = atomic_load(&ctx->spares.bytes);
+    return kept < most ? kept : most;
+}
+
 void memory_use_whole(void *block, size_t count, size_t size)
 {
     /* All of the map, with its guard: one of two kinds could not be moved (mremap). */

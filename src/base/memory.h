@@ -28,6 +28,8 @@ enum status memory_resize(struct context *ctx, void *inout, size_t old_count, si
  * come from the system again: never so much that blocks and what is kept pass the budget or the
  * account's peak. Off at first; off again, all is given back. No worker may be at work. */
 void memory_keep_spares(struct context *ctx, bool keep);
+/* Returns spare maps of more than `most` bytes to the system; how many bytes are kept. */
+uint64_t memory_limit_spares(struct context *ctx, uint64_t most);
 
 /* Tells the system that all of a large block will be used soon: it may give it in large pieces,
  * which saves most of the page faults. Not for vectors that have room to spare. */

@@ -81,6 +81,10 @@ uint64_t room_left(const struct room *room)
         return UINT64_MAX;
     uint64_t now = atomic_load(&room->ctx->memory_now);
     uint64_t left = now < room->bytes ? room->bytes - now : 0;
+    /* what is left may be filled with pages of files, which nothing would weigh against spare maps
+     */
+    const uint64_t spare = memory_limit_spares(room->ctx, left / 8);
+    left -= spare;
     return left > room->floor ? left : room->floor;
 }
 

@@ -120,6 +120,9 @@ static void spares_are_used_again(void **state)
     for (size_t i = 0; i < BLOCKS; i++)
         memory_release(ctx, &blocks[i], held[i], 1);
     assert_true(ctx->spares.bytes > 0);
+    const uint64_t kept = ctx->spares.bytes;
+    assert_int_equal(memory_limit_spares(ctx, kept), kept);
+    assert_true(memory_limit_spares(ctx, kept / 2) <= kept / 2 && ctx->spares.bytes <= kept / 2);
     memory_keep_spares(ctx, false);
     assert_true(ctx->spares.bytes == 0);
 }
