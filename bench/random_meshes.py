@@ -150,7 +150,7 @@ def make(number):
             vertex[k] += amplitude * rng.uniform(-1, 1)
     if rng.randrange(3) == 0:  # degenerate triangles: a corner goes where another is
         words.append("degenerate")
-        for face in rng.sample(faces, max(1, len(faces) // 20)):
+        for face in rng.sample(faces, min(len(faces), max(1, len(faces) // 20))):
             vertices[face[0]] = list(vertices[face[1]])
     if rng.randrange(8) == 0:
         words.append("flat")
