@@ -82,10 +82,8 @@ static uint32_t use_interior(const struct loops *loops, uint32_t use, uint32_t p
 
 /* ---- uses by patch ---- */
 
-static void count_uses(struct loops *loops)
+uint32_t chain_uses_count(const struct chain_block *block, uint32_t *first)
 {
-    const struct chain_block *block = loops->block;
-    uint32_t *first = loops->use_first;
     for (uint32_t i = 0; i < block->chain_count; i++) {
         first[block->chains[i].left]++;
         if (block->chains[i].right != NO_PATCH)
@@ -95,25 +93,22 @@ static void count_uses(struct loops *loops)
         first[block->seam_chains[i].left]++;
     uint32_t sum = 0;
     for (uint32_t p = 0; p <= block->patch_count; p++) {
-        uint32_t count = first[p];
+        const uint32_t count = first[p];
         first[p] = sum;
         sum += count;
     }
-    loops->use_count = sum;
+    return sum;
 }
 
-/* Afterwards use_first[p] is the first use of patch p again. */
-static void sort_uses(struct loops *loops)
+void chain_uses_sort(const struct chain_block *block, uint32_t *first, uint32_t *uses)
 {
-    const struct chain_block *block = loops->block;
-    uint32_t *first = loops->use_first;
     for (uint32_t i = 0; i < block->chain_count; i++) {
-        loops->uses[first[block->chains[i].left]++] = i << 1;
+        uses[first[block->chains[i].left]++] = i << 1;
         if (block->chains[i].right != NO_PATCH)
-            loops->uses[first[block->chains[i].right]++] = i << 1 | 1;
+            uses[first[block->chains[i].right]++] = i << 1 | 1;
     }
     for (uint32_t i = 0; i < block->seam_chain_count; i++)
-        loops->uses[first[block->seam_chains[i].left]++] = (block->chain_count + i) << 1;
+        uses[first[block->seam_chains[i].left]++] = (block->chain_count + i) << 1;
     for (uint32_t p = block->patch_count; p > 0; p--)
         first[p] = first[p - 1];
     first[0] = 0;
@@ -293,7 +288,7 @@ static enum status take_arrays(struct loops *loops)
                                             &loops->use_first);
     if (status)
         return status;
-    count_uses(loops);
+    loops->use_count = chain_uses_count(loops->block, loops->use_first);
     status = memory_take(ctx, loops->use_count, sizeof(uint32_t), &loops->uses);
     if (!status)
         status = memory_take(ctx, block->vertex_count, sizeof(uint32_t), &loops->marks);
@@ -323,7 +318,7 @@ enum status chain_loops_check(struct context *ctx, const char *what,
         return fail(ctx, STATUS_BAD_INPUT, "%s: it has too many chains", what);
     status = take_arrays(&loops);
     if (!status) {
-        sort_uses(&loops);
+        chain_uses_sort(block, loops.use_first, loops.uses);
         status = check_patches(&loops, most_faces);
     }
     if (!status)

@@ -23,6 +23,7 @@
 
 #include "base/memory.h"
 #include "geom/distance.h"
+#include "simplify/chain_loops.h"
 #include "simplify/chain_simplify.h"
 
 enum { OWNER_TAKEN = UINT32_MAX }; /* else the patch for which an edge is reserved */
@@ -94,35 +95,6 @@ static bool on_seam(const struct builder *b, uint32_t v)
 {
     return v >= b->block->junction_count &&
            v < b->block->junction_count + b->block->seam_vertex_count;
-}
-
-/* Lists the uses of chains by patch; afterwards use_first[p] .. use_first[p + 1] are patch p's. */
-static void sort_uses(struct builder *b)
-{
-    const struct chain_block *block = b->block;
-    uint32_t *first = b->use_first, sum = 0;
-    for (uint32_t i = 0; i < block->chain_count; i++) {
-        first[block->chains[i].left]++;
-        if (block->chains[i].right != NO_PATCH)
-            first[block->chains[i].right]++;
-    }
-    for (uint32_t i = 0; i < block->seam_chain_count; i++)
-        first[block->seam_chains[i].left]++;
-    for (uint32_t p = 0; p <= block->patch_count; p++) {
-        const uint32_t count = first[p];
-        first[p] = sum;
-        sum += count;
-    }
-    for (uint32_t i = 0; i < block->chain_count; i++) {
-        b->uses[first[block->chains[i].left]++] = i << 1;
-        if (block->chains[i].right != NO_PATCH)
-            b->uses[first[block->chains[i].right]++] = i << 1 | 1;
-    }
-    for (uint32_t i = 0; i < block->seam_chain_count; i++)
-        b->uses[first[block->seam_chains[i].left]++] = (block->chain_count + i) << 1;
-    for (uint32_t p = block->patch_count; p > 0; p--)
-        first[p] = first[p - 1];
-    first[0] = 0;
 }
 
 /* ---- which chain vertices are kept ---- */
@@ -621,7 +593,8 @@ static enum status take_arrays(struct builder *b)
         status = memory_take(ctx, b->use_count, sizeof *b->uses, &b->uses);
     if (status != STATUS_OK)
         return status;
-    sort_uses(b);
+    (void)chain_uses_count(b->block, b->use_first);
+    chain_uses_sort(b->block, b->use_first, b->uses);
     measure_loops(b);
     status = memory_take_zeroed(ctx, vertices, 1, &b->keep);
     if (status == STATUS_OK)
