@@ -9,7 +9,6 @@
 #include <unistd.h>
 
 #include "test_kit.h"
-#include "test_shapes.h"
 
 static void *longer(void *block, size_t size)
 {
@@ -192,4 +191,24 @@ void assert_refused(struct collected collected, ...)
     assert_null(strchr(collected.error, '\n'));
     assert_non_null(strstr(collected.error, "/input: "));
     collected_free(&collected);
+}
+
+void assert_reads_shape(import_function reader, const struct shape *shape, enum shape_format format,
+                        bool is_float32)
+{
+    size_t size;
+    unsigned char *data = shape_encode(shape, format, &size);
+    for (int feed = FEED_FILE; feed <= FEED_PIECES; feed += FEED_PIECES) {
+        struct collected collected = collect(reader, data, size, (enum feed)feed);
+        assert_read(&collected);
+        assert_int_equal(collected.is_float32, is_float32);
+        assert_int_equal(collected.vertex_count, shape->vertex_count);
+        assert_memory_equal(collected.positions, shape->positions,
+                            3 * shape->vertex_count * sizeof *shape->positions);
+        assert_int_equal(collected.index_count, shape->index_count);
+        assert_memory_equal(collected.indices, shape->indices,
+                            shape->index_count * sizeof *shape->indices);
+        collected_free(&collected);
+    }
+    free(data);
 }

@@ -6,6 +6,7 @@
 #define SPBM_TEST_COLLECT_H
 
 #include "mesh/import.h"
+#include "test_shapes.h"
 
 struct collected {
     enum status status;
@@ -44,5 +45,8 @@ void collected_free(struct collected *collected);
 void assert_refused(struct collected collected, ...) __attribute__((sentinel));
 /* Fails the test unless reading went well. */
 void assert_read(const struct collected *collected);
+/* Encodes the shape, reads it as a file and through a pipe in odd pieces, and compares. */
+void assert_reads_shape(import_function reader, const struct shape *shape, enum shape_format format,
+                        bool is_float32);
 
 #endif

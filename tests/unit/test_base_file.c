@@ -13,33 +13,7 @@
 #include "base/checksum.h"
 #include "base/file.h"
 #include "base/memory.h"
-#include "test_files.h"
-
-struct place {
-    struct context ctx;
-    char folder[TEST_PATH];
-    char path[TEST_PATH];
-};
-
-static int set_up(void **state)
-{
-    struct place *place = calloc(1, sizeof *place);
-    context_init(&place->ctx);
-    folder_make(place->folder);
-    folder_path(place->path, place->folder, "out.bin");
-    *state = place;
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    struct place *place = *state;
-    uint64_t left = place->ctx.memory_now;
-    folder_remove(place->folder);
-    context_clear(&place->ctx);
-    free(place);
-    return left == 0 ? 0 : -1;
-}
+#include "test_place.h"
 
 static unsigned char *pattern(size_t size)
 {
@@ -133,9 +107,9 @@ static void a_killed_writer_leaves_nothing(void **state)
  * that lives, nor of another output, nor what only looks like one. */
 static void dead_writers_names_are_removed(void **state)
 {
-    static const char *const names[] = {".out.bin.spbm-77-0~", ".out.bin.spbm-78-12~",
-                                        ".out.bin.spbm-1-2-3~", ".other.spbm-77-0~",
-                                        ".out.bin.spbm-77-0"};
+    static const char *const names[] = {".file.spbm-77-0~", ".file.spbm-78-12~",
+                                        ".file.spbm-1-2-3~", ".other.spbm-77-0~",
+                                        ".file.spbm-77-0"};
     struct place *place = *state;
     struct output out;
     char paths[5][TEST_PATH];
@@ -199,7 +173,7 @@ static void links_lead_to_what_is_replaced(void **state)
     char link_path[TEST_PATH];
     folder_path(link_path, place->folder, "link");
     file_write(place->path, "old", 3);
-    assert_int_equal(symlink("out.bin", link_path), 0);
+    assert_int_equal(symlink("file", link_path), 0);
     struct output out;
     assert_int_equal(output_open(&place->ctx, link_path, &out), STATUS_OK);
     assert_int_equal(output_append(&out, "newer", 5), STATUS_OK);
@@ -422,28 +396,26 @@ static void what_is_no_file_is_refused(void **state)
     assert_int_equal(input_open(&place->ctx, place->path, &file), STATUS_BAD_INPUT);
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(written_bytes_arrive),
-        TEST(nothing_is_seen_before_commit),
-        TEST(a_killed_writer_leaves_nothing),
-        TEST(dead_writers_names_are_removed),
-        TEST(the_mode_is_that_of_the_umask),
-        TEST(patches_change_what_was_written),
-        TEST(links_lead_to_what_is_replaced),
-        TEST(long_names_have_temporary_ones_too),
-        TEST(impossible_outputs_are_refused),
-        TEST(a_full_disk_is_an_error),
-        TEST(a_pipe_is_written_directly),
-        TEST(same_files_are_noticed),
-        TEST(spools_keep_their_bytes),
-        TEST(empty_spools_have_a_pointer),
-        TEST(scratch_is_zero),
-        TEST(windows_show_any_part),
-        TEST(what_is_no_file_is_refused),
+        PLACE_TEST(written_bytes_arrive),
+        PLACE_TEST(nothing_is_seen_before_commit),
+        PLACE_TEST(a_killed_writer_leaves_nothing),
+        PLACE_TEST(dead_writers_names_are_removed),
+        PLACE_TEST(the_mode_is_that_of_the_umask),
+        PLACE_TEST(patches_change_what_was_written),
+        PLACE_TEST(links_lead_to_what_is_replaced),
+        PLACE_TEST(long_names_have_temporary_ones_too),
+        PLACE_TEST(impossible_outputs_are_refused),
+        PLACE_TEST(a_full_disk_is_an_error),
+        PLACE_TEST(a_pipe_is_written_directly),
+        PLACE_TEST(same_files_are_noticed),
+        PLACE_TEST(spools_keep_their_bytes),
+        PLACE_TEST(empty_spools_have_a_pointer),
+        PLACE_TEST(scratch_is_zero),
+        PLACE_TEST(windows_show_any_part),
+        PLACE_TEST(what_is_no_file_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

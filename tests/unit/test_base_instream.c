@@ -12,42 +12,7 @@
 #include "base/checksum.h"
 #include "base/instream.h"
 #include "base/memory.h"
-#include "test_files.h"
-
-struct place {
-    struct context ctx;
-    char folder[TEST_PATH];
-    char path[TEST_PATH];
-    int warnings;
-};
-
-static void count_warning(void *user, enum message_level level, const char *text)
-{
-    (void)text;
-    ((struct place *)user)->warnings += level == MESSAGE_WARNING;
-}
-
-static int set_up(void **state)
-{
-    struct place *place = calloc(1, sizeof *place);
-    context_init(&place->ctx);
-    place->ctx.message = count_warning;
-    place->ctx.user = place;
-    folder_make(place->folder);
-    folder_path(place->path, place->folder, "in");
-    *state = place;
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    struct place *place = *state;
-    uint64_t left = place->ctx.memory_now;
-    folder_remove(place->folder);
-    context_clear(&place->ctx);
-    free(place);
-    return left == 0 ? 0 : -1;
-}
+#include "test_place.h"
 
 /* Text that gzip makes about a third of. */
 static unsigned char *pattern(size_t size)
@@ -350,17 +315,15 @@ static void what_cannot_be_read_has_words(void **state)
     context_clear(&ctx);
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(plain_files_arrive),
-        TEST(gzip_members_are_joined),
-        TEST(pipes_may_give_one_byte_at_a_time),
-        TEST(damaged_gzip_is_refused),
-        TEST(inflating_ahead_is_not_seen),
-        TEST(what_cannot_be_read_has_words),
+        PLACE_TEST(plain_files_arrive),
+        PLACE_TEST(gzip_members_are_joined),
+        PLACE_TEST(pipes_may_give_one_byte_at_a_time),
+        PLACE_TEST(damaged_gzip_is_refused),
+        PLACE_TEST(inflating_ahead_is_not_seen),
+        PLACE_TEST(what_cannot_be_read_has_words),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

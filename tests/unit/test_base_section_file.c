@@ -14,36 +14,10 @@
 #include "base/checksum.h"
 #include "base/memory.h"
 #include "base/section_file.h"
-#include "test_files.h"
+#include "test_place.h"
 
 static const char magic[8] = "TESTFILE";
 enum { KIND_A = FOURCC('a', 'a', 'a', 'a'), KIND_B = FOURCC('b', '2', ' ', 'x'), KIND_C = 77 };
-
-struct place {
-    struct context ctx;
-    char folder[TEST_PATH];
-    char path[TEST_PATH];
-};
-
-static int set_up(void **state)
-{
-    struct place *place = calloc(1, sizeof *place);
-    context_init(&place->ctx);
-    folder_make(place->folder);
-    folder_path(place->path, place->folder, "sections");
-    *state = place;
-    return 0;
-}
-
-static int tear_down(void **state)
-{
-    struct place *place = *state;
-    uint64_t left = place->ctx.memory_now;
-    folder_remove(place->folder);
-    context_clear(&place->ctx);
-    free(place);
-    return left == 0 ? 0 : -1;
-}
 
 /* Three sections: 100 bytes, none, 64 bytes. */
 static void write_small(struct context *ctx, const char *path)
@@ -325,20 +299,18 @@ static void large_sections_are_verified_in_pieces(void **state)
     free(data);
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(what_goes_in_comes_out),
-        TEST(every_flipped_bit_is_found),
-        TEST(every_cut_is_found),
-        TEST(lies_are_found),
-        TEST(an_empty_file_of_sections_is_valid),
-        TEST(as_many_sections_as_there_may_be),
-        TEST(turns_are_kept),
-        TEST(a_pipe_gets_the_same_bytes),
-        TEST(large_sections_are_verified_in_pieces),
+        PLACE_TEST(what_goes_in_comes_out),
+        PLACE_TEST(every_flipped_bit_is_found),
+        PLACE_TEST(every_cut_is_found),
+        PLACE_TEST(lies_are_found),
+        PLACE_TEST(an_empty_file_of_sections_is_valid),
+        PLACE_TEST(as_many_sections_as_there_may_be),
+        PLACE_TEST(turns_are_kept),
+        PLACE_TEST(a_pipe_gets_the_same_bytes),
+        PLACE_TEST(large_sections_are_verified_in_pieces),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

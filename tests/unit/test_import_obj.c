@@ -211,20 +211,7 @@ static void pieces_of_any_size_make_no_difference(void **state)
 {
     (void)state;
     struct shape shape = shape_noisy_torus(150, 100, 0.01, 3);
-    size_t size;
-    unsigned char *data = shape_encode(&shape, SHAPE_OBJ, &size);
-    for (int feed = FEED_FILE; feed <= FEED_PIECES; feed += FEED_PIECES) {
-        struct collected collected = collect(import_obj, data, size, (enum feed)feed);
-        assert_read(&collected);
-        assert_true(collected.is_float32);
-        assert_int_equal(collected.vertex_count, shape.vertex_count);
-        assert_memory_equal(collected.positions, shape.positions,
-                            3 * shape.vertex_count * sizeof(double));
-        assert_int_equal(collected.index_count, shape.index_count);
-        assert_memory_equal(collected.indices, shape.indices, shape.index_count * 4);
-        collected_free(&collected);
-    }
-    free(data);
+    assert_reads_shape(import_obj, &shape, SHAPE_OBJ, true);
     shape_free(&shape);
 }
 

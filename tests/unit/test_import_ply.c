@@ -604,23 +604,8 @@ static void pieces_of_any_size_make_no_difference(void **state)
 {
     (void)state;
     struct shape shape = shape_noisy_sphere(6, 0.01, 3);
-    for (int format = SHAPE_PLY_ASCII; format <= SHAPE_PLY_BIG; format++) {
-        size_t size;
-        unsigned char *data = shape_encode(&shape, (enum shape_format)format, &size);
-        for (int feed = FEED_FILE; feed <= FEED_PIECES; feed += FEED_PIECES) {
-            struct collected collected = collect(import_ply, data, size, (enum feed)feed);
-            assert_read(&collected);
-            assert_true(collected.is_float32);
-            assert_int_equal(collected.vertex_count, shape.vertex_count);
-            assert_int_equal(collected.index_count, shape.index_count);
-            assert_memory_equal(collected.positions, shape.positions,
-                                3 * shape.vertex_count * sizeof(double));
-            assert_memory_equal(collected.indices, shape.indices,
-                                shape.index_count * sizeof(uint32_t));
-            collected_free(&collected);
-        }
-        free(data);
-    }
+    for (int format = SHAPE_PLY_ASCII; format <= SHAPE_PLY_BIG; format++)
+        assert_reads_shape(import_ply, &shape, (enum shape_format)format, true);
     shape_free(&shape);
 }
 
