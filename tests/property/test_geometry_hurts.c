@@ -159,6 +159,18 @@ static void numbers_of_all_sizes(void **state)
     }
 }
 
+/* The height and what float32 makes of it differ by the whole height. */
+static void flatter_than_float32_can_tell(void **state)
+{
+    (void)state;
+    struct shape shape = shape_grid_with_holes(8, 4);
+    shape_move(&shape, 1, 0, 0, 0);
+    for (size_t v = 0; v < shape.vertex_count; v++)
+        shape.positions[3 * v + 2] = v % 3 == 0 ? 1e-45 : 0;
+    shape.positions[1] = 42949672950.0; /* no float32: doubles */
+    put_through(&shape, NULL);
+}
+
 static void differences_in_the_last_bit(void **state)
 {
     (void)state;
@@ -388,6 +400,7 @@ int main(void)
         cmocka_unit_test(all_vertices_on_a_line),
         cmocka_unit_test(all_vertices_in_a_plane),
         cmocka_unit_test(numbers_of_all_sizes),
+        cmocka_unit_test(flatter_than_float32_can_tell),
         cmocka_unit_test(differences_in_the_last_bit),
         cmocka_unit_test(slivers),
         cmocka_unit_test(zero_area_faces_in_a_closed_surface),
