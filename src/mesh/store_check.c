@@ -213,7 +213,8 @@ static enum status check_measures(struct check *check)
         check->measures.zero_area_faces != info->cleaning.zero_area_faces)
         return store_damaged(check->store, "the measures are not those of the mesh");
     for (int i = 0; i < 3; i++) {
-        /* Off by the rounding to float32 where coordinates were doubles; its steps end at 2^-149. */
+        /* Off by the rounding to float32 where coordinates were doubles; its steps end at 2^-149.
+         */
         double slack = 0;
         if (!info->is_float32)
             slack = (info->box_high[i] - info->box_low[i]) / (1 << 23) + 0x1p-149;
