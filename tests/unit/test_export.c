@@ -18,18 +18,7 @@
 #include "mesh/export_format.h"
 #include "mesh/format_number.h"
 #include "test_files.h"
-
-struct random {
-    uint64_t state;
-};
-
-static uint64_t next(struct random *random)
-{
-    random->state ^= random->state << 13;
-    random->state ^= random->state >> 7;
-    random->state ^= random->state << 17;
-    return random->state * 0x2545f4914f6cdd1dull;
-}
+#include "test_shapes.h"
 
 static bool same_double(double a, double b)
 {
@@ -195,16 +184,16 @@ static struct mesh strip(size_t vertex_count)
                         .attributes = all_types,
                         .records = calloc(vertex_count, 28),
                         .is_float32 = true};
-    struct random random = {vertex_count + 1};
+    uint64_t seed = vertex_count + 1;
     for (size_t v = 0; v < vertex_count; v++) {
         mesh.positions[3 * v] = (double)(float)v * 0.25;
         mesh.positions[3 * v + 1] = v % 2 ? 1 : 0;
-        mesh.positions[3 * v + 2] = (double)((float)(next(&random) % 1000000) / 1000.0f);
+        mesh.positions[3 * v + 2] = (double)((float)(random_next(&seed) % 1000000) / 1000.0f);
         unsigned char *record = mesh.records + 28 * v;
         for (unsigned at = 0; at < 14; at++)
-            record[at] = (unsigned char)next(&random);
-        store_f32(record + 14, (float)next(&random) / 7.0f);
-        store_f64(record + 18, (double)(int64_t)next(&random) / 7.0);
+            record[at] = (unsigned char)random_next(&seed);
+        store_f32(record + 14, (float)random_next(&seed) / 7.0f);
+        store_f64(record + 18, (double)(int64_t)random_next(&seed) / 7.0);
     }
     for (uint32_t f = 0; f + 2 < vertex_count; f++) {
         mesh.faces[3 * f] = f;

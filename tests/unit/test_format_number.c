@@ -12,18 +12,7 @@
 
 #include "mesh/format_number.h"
 #include "mesh/parse_number.h"
-
-struct random {
-    uint64_t state;
-};
-
-static uint64_t next(struct random *random)
-{
-    random->state ^= random->state << 13;
-    random->state ^= random->state >> 7;
-    random->state ^= random->state << 17;
-    return random->state * 0x2545f4914f6cdd1dull;
-}
+#include "test_shapes.h"
 
 static bool same_double(double a, double b)
 {
@@ -116,9 +105,9 @@ static void check_both(double value)
 static void test_numbers_give_back(void **state)
 {
     (void)state;
-    struct random random = {20261122};
+    uint64_t seed = 20261122;
     for (int i = 0; i < 30000; i++) {
-        uint64_t bits = next(&random);
+        uint64_t bits = random_next(&seed);
         double value;
         memcpy(&value, &bits, sizeof value);
         if (isfinite(value)) /* of any size */
@@ -128,10 +117,10 @@ static void test_numbers_give_back(void **state)
         memcpy(&narrow, &half, sizeof narrow);
         if (isfinite(narrow))
             check_float(narrow);
-        check_both(ldexp((double)(int64_t)next(&random), -(int)(next(&random) % 90)));
-        check_both((double)(int64_t)(next(&random) % 2000001) / 1000 - 1000); /* millimetres */
-        check_both((double)(next(&random) >> (next(&random) % 64)) / 4);      /* ties */
-        half &= 0x807fffff;                                                   /* subnormal */
+        check_both(ldexp((double)(int64_t)random_next(&seed), -(int)(random_next(&seed) % 90)));
+        check_both((double)(int64_t)(random_next(&seed) % 2000001) / 1000 - 1000); /* millimetres */
+        check_both((double)(random_next(&seed) >> (random_next(&seed) % 64)) / 4); /* ties */
+        half &= 0x807fffff;                                                        /* subnormal */
         memcpy(&narrow, &half, sizeof narrow);
         check_float(narrow);
     }
