@@ -1,6 +1,6 @@
 /*
- * Inflating a gzip file (RFC 1952) of any number of members from a descriptor, in the caller's
- * thread or in one of its own that runs ahead.
+ * Inflating a gzip file (RFC 1952): of any number of members as a stream from a descriptor, in the
+ * caller's thread or in one of its own that runs ahead; or of one member in one piece.
  */
 #ifndef SPBM_BASE_GUNZIP_H
 #define SPBM_BASE_GUNZIP_H
@@ -27,5 +27,15 @@ enum status gunzip_read(struct gunzip *gunzip, unsigned char *to, size_t room,
  */
 uint32_t gunzip_digest(const struct gunzip *gunzip);
 uint64_t gunzip_raw_size(const struct gunzip *gunzip);
+
+/*
+ * All of the regular file of `size` bytes at once, if it is a single member and it and what it
+ * becomes take at most `most` bytes together: *made_size bytes (never 0) at *made, to be released,
+ * and the CRC-32 of the file. *made is NULL if it is not so, or is damaged: it is then to be read
+ * as a stream, which finds out why. The descriptor's position stays.
+ */
+enum status gunzip_whole(struct context *ctx, const char *name, int fd, uint64_t size,
+                         uint64_t most, unsigned char **made, size_t *made_size,
+                         uint32_t *digest) MUST_CHECK;
 
 #endif

@@ -12,6 +12,10 @@ struct instream;
 /* Opens `path` (`-` is standard input). A directory, a missing or unreadable file, or a damaged
  * gzip header is an error with words. */
 enum status instream_open(struct context *ctx, const char *path, struct instream **out) MUST_CHECK;
+/* The same, for who looks at the beginning only: instream_open inflates a small gzip file at once.
+ */
+enum status instream_open_beginning(struct context *ctx, const char *path,
+                                    struct instream **out) MUST_CHECK;
 void instream_close(struct instream **stream);
 
 /*

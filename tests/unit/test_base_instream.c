@@ -75,8 +75,10 @@ static void expect_bytes(struct place *place, const char *path, const unsigned c
         struct instream *stream;
         if (ways[w][1] < 1000 && size > 1000000)
             continue;
-        place->ctx.threads = 1 + w % 2; /* gzip: inflated by the way, or ahead */
-        assert_int_equal(instream_open(&place->ctx, path, &stream), STATUS_OK);
+        place->ctx.threads = 1 + w % 2; /* gzip: inflated by the way, or ahead, or at once */
+        enum status status = w / 2 % 2 ? instream_open(&place->ctx, path, &stream)
+                                       : instream_open_beginning(&place->ctx, path, &stream);
+        assert_int_equal(status, STATUS_OK);
         read_all(stream, data, size, ways[w][0], ways[w][1]);
         size_t raw_size;
         unsigned char *raw = file_read(path, &raw_size);
@@ -280,6 +282,66 @@ static void inflating_ahead_is_not_seen(void **state)
     free(packed);
 }
 
+/* Whether a file is inflated at once shows in nothing but the memory that it takes. */
+static enum status read_with_budget(const char *path, uint64_t budget, uint64_t *seen,
+                                    uint64_t *peak, char *words, size_t room)
+{
+    struct context ctx;
+    struct instream *stream;
+    context_init(&ctx);
+    ctx.memory_budget = budget;
+    enum status status = instream_open(&ctx, path, &stream);
+    size_t available = 1;
+    for (*seen = 0; status == STATUS_OK && available > 0;) {
+        const unsigned char *visible;
+        status = instream_peek(stream, 1000, &visible, &available);
+        if (status == STATUS_OK) {
+            available = available < 1000 ? available : 1000;
+            instream_take(stream, available);
+            *seen += available;
+        }
+    }
+    *peak = ctx.memory_peak;
+    memcpy(words, ctx.error, room);
+    instream_close(&stream);
+    assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+    return status;
+}
+
+static void inflating_at_once_keeps_to_the_budget(void **state)
+{
+    struct place *place = *state;
+    const size_t size = 5000000;
+    unsigned char *data = pattern(size), *packed = malloc(size);
+    const size_t used = pack(data, size, packed, size);
+    /* As it is; cut off; a damaged size, larger, smaller and impossible; a damaged middle. */
+    static const uint32_t sizes[] = {5000000, 5000000, 6000000, 1000, 0xffffffff, 5000000};
+    for (int damage = 0; damage < 6; damage++) {
+        unsigned char *bytes = malloc(used);
+        memcpy(bytes, packed, used);
+        memcpy(bytes + used - 4, &sizes[damage], 4);
+        if (damage == 5)
+            bytes[used / 2] ^= 0x5a;
+        file_write(place->path, bytes, damage == 1 ? used / 3 : used);
+        char words[2][sizeof((struct context *)0)->error];
+        uint64_t seen[2], peak[2];
+        enum status status[2];
+        for (int large = 0; large < 2; large++)
+            status[large] = read_with_budget(place->path, large ? 1 << 28 : 16 << 20, &seen[large],
+                                             &peak[large], words[large], sizeof words[0]);
+        assert_int_equal(status[0], damage == 0 ? STATUS_OK : STATUS_BAD_INPUT);
+        assert_int_equal(status[1], status[0]);
+        assert_int_equal(seen[1], seen[0]);
+        assert_string_equal(words[1], words[0]);
+        assert_true(peak[0] < 3 << 20);
+        assert_true(damage > 0 || peak[1] > size);
+        free(bytes);
+    }
+    free(data);
+    free(packed);
+}
+
 static void what_cannot_be_read_has_words(void **state)
 {
     struct place *place = *state;
@@ -323,6 +385,7 @@ int main(void)
         PLACE_TEST(pipes_may_give_one_byte_at_a_time),
         PLACE_TEST(damaged_gzip_is_refused),
         PLACE_TEST(inflating_ahead_is_not_seen),
+        PLACE_TEST(inflating_at_once_keeps_to_the_budget),
         PLACE_TEST(what_cannot_be_read_has_words),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
