@@ -51,7 +51,9 @@ static inline uint64_t bucket_records(const struct bucket_file *file, size_t buc
 enum status bucket_flush(struct bucket_file *file, size_t bucket) MUST_CHECK; /* private */
 enum status bucket_fill(struct bucket_file *file, size_t bucket) MUST_CHECK;  /* private */
 
-static inline enum status bucket_put(struct bucket_file *file, size_t bucket, const void *record)
+/* Puts a record in. `size` must be the file's record_size: a constant makes it a single move. */
+static inline enum status bucket_put_sized(struct bucket_file *file, size_t bucket,
+                                           const void *record, size_t size)
 {
     struct bucket *b = &file->buckets[bucket];
     if (b->end == file->block_size) {
@@ -59,14 +61,20 @@ static inline enum status bucket_put(struct bucket_file *file, size_t bucket, co
         if (status != STATUS_OK)
             return status;
     }
-    memcpy(b->buffer + b->end, record, file->record_size);
-    b->end += file->record_size;
-    b->size += file->record_size;
+    memcpy(b->buffer + b->end, record, size);
+    b->end += size;
+    b->size += size;
     return STATUS_OK;
 }
 
-/* STATUS_INTERNAL when the bucket has no more. */
-static inline enum status bucket_take(struct bucket_file *file, size_t bucket, void *record)
+static inline enum status bucket_put(struct bucket_file *file, size_t bucket, const void *record)
+{
+    return bucket_put_sized(file, bucket, record, file->record_size);
+}
+
+/* The next record comes out. STATUS_INTERNAL when the bucket has no more. `size` as above. */
+static inline enum status bucket_take_sized(struct bucket_file *file, size_t bucket, void *record,
+                                            size_t size)
 {
     struct bucket *b = &file->buckets[bucket];
     if (b->begin == b->end) {
@@ -74,9 +82,14 @@ static inline enum status bucket_take(struct bucket_file *file, size_t bucket, v
         if (status != STATUS_OK)
             return status;
     }
-    memcpy(record, b->buffer + b->begin, file->record_size);
-    b->begin += file->record_size;
+    memcpy(record, b->buffer + b->begin, size);
+    b->begin += size;
     return STATUS_OK;
+}
+
+static inline enum status bucket_take(struct bucket_file *file, size_t bucket, void *record)
+{
+    return bucket_take_sized(file, bucket, record, file->record_size);
 }
 
 #endif

@@ -37,8 +37,10 @@ struct draft {
     struct room room;
     unsigned slab_shift;
 
-    uint64_t vertex_count;
+    uint64_t vertex_count; /* that are used */
     uint64_t face_count;
+    uint64_t id_count; /* 0: D2 and D3 hold; else faces hold ids below it, as the input has them,
+                          positions and records are by ids, and `shared` tells which are used */
     struct spool face_spool;
     struct spool neighbour_spool;
     struct spool mate_spool;
@@ -83,21 +85,31 @@ enum status draft_number(struct draft *draft, uint64_t base_count, const struct 
                          const uint32_t *copy_of, uint64_t copy_count,
                          uint64_t *degenerate) MUST_CHECK;
 
+/* The first time. Where the numbering would jump about in a file for nothing, as the faces'
+ * order won't be kept (draft_is_scattered), they are left with their ids: draft->id_count. `jumps`:
+ * it is known to jump about. */
+enum status draft_number_first(struct draft *draft, uint64_t id_count, bool jumps,
+                               uint64_t *degenerate) MUST_CHECK;
+
 /*
  * The first numbering, of faces as they come, which saves two looks at all of them: number_begin
- * when all vertices that faces will name are known; number_take for faces, whose numbers are
- * appended to `to`, *dropped of them left out; number_finish when what was appended are the draft's
- * faces. *taken is false, and nothing done, when the walk jumps about too much. If other faces have
- * joined the number_count(...) that were taken, number_take_back makes ids of their numbers again,
- * and draft_number is due. Both end the numbering, as number_drop does, which is safe at any time.
+ * when all vertices that faces will name are known (`expects_order`: the faces may get another
+ * order afterwards); number_take for faces, whose numbers are appended to `to`, *dropped of them
+ * left out; number_finish when what was appended are the draft's faces. *taken is false, and
+ * nothing done, when the walk jumps about too much, or seems to be in vain (draft_number_first). If
+ * other faces have joined the number_count(...) that were taken, number_take_back makes ids of
+ * their numbers again, and draft_number is due. Both end the numbering, as number_drop does, which
+ * is safe at any time.
  */
 struct numbering;
-enum status number_begin(struct draft *draft, uint64_t id_count, struct numbering **out) MUST_CHECK;
+enum status number_begin(struct draft *draft, uint64_t id_count, bool expects_order,
+                         struct numbering **out) MUST_CHECK;
 enum status number_take(struct numbering *numbering, const uint32_t *faces, size_t count,
                         struct spool *to, size_t *dropped, bool *taken) MUST_CHECK;
 enum status number_finish(struct numbering **numbering, uint64_t base_count) MUST_CHECK;
 enum status number_take_back(struct numbering **numbering) MUST_CHECK;
 uint64_t number_count(const struct numbering *numbering);
+bool number_has_jumped(const struct numbering *numbering); /* about too much */
 void number_drop(struct numbering **numbering);
 
 /* Puts positions and records in another order, that of `ids` (in `id_spool`): the new vertex v is
@@ -128,6 +140,22 @@ static inline void draft_position(const struct draft *draft, uint64_t v, double 
 static inline uint64_t draft_position_size(const struct draft *draft)
 {
     return draft->is_float32 ? 12 : 24;
+}
+
+/* Whether the order of the faces is so far from local in space that it need not be matched to be
+ * judged: more than 3/8 of all corners are vertices of earlier slabs. (A fan of any size has 1/3.)
+ * Slabs of less than 2^JUDGED_SHIFT_MIN faces are nothing but seams. */
+enum { JUDGED_SHIFT_MIN = 6 };
+static inline bool draft_is_scattered(const struct draft *draft)
+{
+    return draft->slab_shift >= JUDGED_SHIFT_MIN &&
+           draft->foreign_corners > draft->face_count / 8 * 9;
+}
+
+/* Whether a table of all vertices' cells fits in memory, by which faces are put in order. */
+static inline bool draft_orders_near(const struct draft *draft, uint64_t vertices)
+{
+    return room_fits(&draft->room, vertices * 8);
 }
 
 struct sorter;

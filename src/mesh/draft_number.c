@@ -41,6 +41,8 @@ struct numbering {
     uint64_t kept, read;  /* faces */
     struct visits visits; /* of number_of */
     uint64_t most_visits;
+    bool expects_order; /* faces are as the input has them, and may get another order */
+    bool is_futile;     /* likely so, and it can be made of ids as well */
 
     /* by buckets */
     unsigned part_shift;
@@ -73,8 +75,24 @@ static inline void note_use(struct numbering *n, uint32_t number)
     }
 }
 
+/* A slab compact in space has half as many vertices as faces. If the first has more than it has
+ * faces, the order is likely to be scattered. */
+static void judge_first_slab(struct numbering *n)
+{
+    const struct draft *draft = n->draft;
+    n->is_futile = n->next > (uint64_t)1 << draft->slab_shift &&
+                   draft->slab_shift >= JUDGED_SHIFT_MIN && !draft_orders_near(draft, n->id_count);
+}
+
+static inline bool has_jumped(const struct numbering *n)
+{
+    return n->is_futile || n->visits.total > n->most_visits;
+}
+
 static void note_slab(struct numbering *n, uint64_t kept)
 {
+    if (kept >> n->draft->slab_shift == 1 && n->expects_order)
+        judge_first_slab(n);
     n->slab_first = n->next;
     n->draft->vertex_first[kept >> n->draft->slab_shift] = n->next;
 }
@@ -126,7 +144,7 @@ static enum status number_at_once(struct numbering *n, bool *is_done)
     const uint64_t slab_mask = ((uint64_t)1 << draft->slab_shift) - 1;
     enum status status = begin_visits(n);
     uint64_t kept = 0, f = 0;
-    for (; f < draft->face_count && status == STATUS_OK && n->visits.total <= n->most_visits; f++) {
+    for (; f < draft->face_count && status == STATUS_OK && !has_jumped(n); f++) {
         const uint32_t a = faces[3 * f], b = faces[3 * f + 1], c = faces[3 * f + 2];
         if (a == b || b == c || a == c)
             continue;
@@ -178,6 +196,66 @@ static enum status take_back(struct numbering *n)
     return status;
 }
 
+/* ---- not at all ---- */
+
+/* Faces [*read, ...) close up behind `kept` until a slab is full; its corners that earlier slabs
+ * have seen are counted, and then all of them are seen. */
+static void look_at_slab(struct numbering *n, uint64_t *read, uint64_t *kept)
+{
+    struct draft *draft = n->draft;
+    uint32_t *faces = draft->faces;
+    const uint64_t first = *kept, end = first + ((uint64_t)1 << draft->slab_shift);
+    spool_expect(&draft->face_spool, *read * 12, (end - first) * 12);
+    for (; *read < draft->face_count && *kept < end; ++*read) {
+        if (*read == n->kept && n->read > n->kept) {
+            *read = n->read - 1; /* what is between has been dropped already */
+            continue;
+        }
+        const uint32_t *face = faces + 3 * *read;
+        const uint32_t a = face[0], b = face[1], c = face[2];
+        if (a == b || b == c || a == c)
+            continue;
+        n->foreign_corners +=
+            (uint64_t)is_shared(draft, a) + is_shared(draft, b) + is_shared(draft, c);
+        if (*kept != *read)
+            memcpy(faces + 3 * *kept, (uint32_t[3]){a, b, c}, 12);
+        ++*kept;
+    }
+    for (uint64_t corner = 3 * first; corner < 3 * *kept; corner++)
+        draft->shared[faces[corner] >> 3] |= (unsigned char)(1u << (faces[corner] & 7));
+    spool_forget(&draft->face_spool, first * 12, (*read - first) * 12);
+}
+
+/* What the numbering would find of the faces' order, by ids alone. If they stay, draft->shared
+ * tells which are used. */
+static enum status look_at_ids(struct numbering *n, bool *is_scattered)
+{
+    struct draft *draft = n->draft;
+    uint64_t read = 0, kept = 0;
+    enum status status = STATUS_OK;
+    while (read < draft->face_count && status == STATUS_OK) {
+        look_at_slab(n, &read, &kept);
+        status = step(draft->ctx, "import: number", read, draft->face_count);
+    }
+    n->kept = kept;
+    n->read = draft->face_count;
+    draft->foreign_corners = n->foreign_corners;
+    *is_scattered = draft_is_scattered(draft);
+    if (status != STATUS_OK)
+        return status;
+    if (!*is_scattered) {
+        memset(draft->shared, 0, draft->shared_size);
+        n->foreign_corners = 0;
+        return STATUS_OK;
+    }
+    draft->face_count = kept;
+    draft->id_count = n->id_count;
+    draft->vertex_count = 0;
+    for (size_t i = 0; i < draft->shared_size; i++)
+        draft->vertex_count += (uint64_t)__builtin_popcount(draft->shared[i]);
+    return STATUS_OK;
+}
+
 /* ---- by buckets ---- */
 
 static inline size_t part_of(const struct numbering *n, uint32_t id)
@@ -209,7 +287,8 @@ static enum status ask_all(struct numbering *n)
             continue;
         for (int k = 0; k < 3 && status == STATUS_OK; k++)
             status = ask(n, &face[k]);
-        memcpy(faces + 3 * kept, face, sizeof face);
+        if (kept != f)
+            memcpy(faces + 3 * kept, face, sizeof face);
         kept++;
         if (f % FORGET_EVERY == 0)
             spool_pass(&draft->face_spool, f * 12);
@@ -429,22 +508,20 @@ static enum status end_slabs(struct draft *draft, const struct numbering *n)
     return STATUS_OK;
 }
 
-static enum status number_all(struct numbering *n)
+/* *is_done: false if it jumps about too much. */
+static enum status try_at_once(struct numbering *n, bool *is_done)
 {
     struct draft *draft = n->draft;
-    bool is_done = false;
     enum status status =
         room_scratch(&draft->room, &n->number_spool, n->id_count * 4, &n->number_of);
     if (status == STATUS_OK)
-        status = number_at_once(n, &is_done);
+        status = number_at_once(n, is_done);
     spool_clear(&n->number_spool);
-    if (status != STATUS_OK || is_done)
-        return status;
-    status = take_back(n);
-    return status == STATUS_OK ? number_by_buckets(n) : status;
+    return status == STATUS_OK && !*is_done ? take_back(n) : status;
 }
 
-static enum status open_numbering(struct draft *draft, uint64_t id_count, struct numbering **out)
+static enum status open_numbering(struct draft *draft, uint64_t id_count, bool expects_order,
+                                  struct numbering **out)
 {
     struct numbering *n;
     *out = NULL;
@@ -458,6 +535,7 @@ static enum status open_numbering(struct draft *draft, uint64_t id_count, struct
     n->draft = draft;
     n->id_count = id_count;
     n->is_identity = true;
+    n->expects_order = expects_order;
     spool_init(draft->ctx, &n->id_spool, draft->room.beside, room_spool_limit(&draft->room, 4));
     *out = n;
     return begin_slabs(draft, id_count);
@@ -498,9 +576,12 @@ enum status draft_number(struct draft *draft, uint64_t base_count, const struct 
 {
     const uint64_t face_count = draft->face_count;
     struct numbering *n;
-    enum status status = open_numbering(draft, base_count + copy_count, &n);
+    bool is_done = false;
+    enum status status = open_numbering(draft, base_count + copy_count, false, &n);
     if (status == STATUS_OK)
-        status = number_all(n);
+        status = try_at_once(n, &is_done);
+    if (status == STATUS_OK && !is_done)
+        status = number_by_buckets(n);
     if (status == STATUS_OK)
         status = finish(n, base_count, copy_spool, copy_of);
     *degenerate = face_count - draft->face_count;
@@ -508,12 +589,33 @@ enum status draft_number(struct draft *draft, uint64_t base_count, const struct 
     return status;
 }
 
+enum status draft_number_first(struct draft *draft, uint64_t id_count, bool jumps,
+                               uint64_t *degenerate)
+{
+    const uint64_t face_count = draft->face_count;
+    struct numbering *n;
+    bool is_done = false, is_left = false;
+    enum status status = open_numbering(draft, id_count, true, &n);
+    if (status == STATUS_OK && !jumps)
+        status = try_at_once(n, &is_done);
+    if (status == STATUS_OK && !is_done)
+        status = look_at_ids(n, &is_left);
+    if (status == STATUS_OK && !is_done && !is_left)
+        status = number_by_buckets(n);
+    if (status == STATUS_OK && !is_left)
+        status = finish(n, id_count, NULL, NULL);
+    *degenerate = face_count - draft->face_count;
+    number_drop(&n);
+    return status;
+}
+
 /* ---- faces as they come ---- */
 
-enum status number_begin(struct draft *draft, uint64_t id_count, struct numbering **out)
+enum status number_begin(struct draft *draft, uint64_t id_count, bool expects_order,
+                         struct numbering **out)
 {
     struct numbering *n;
-    enum status status = open_numbering(draft, id_count, &n);
+    enum status status = open_numbering(draft, id_count, expects_order, &n);
     if (status == STATUS_OK)
         status = room_scratch(&draft->room, &n->number_spool, id_count * 4, &n->number_of);
     if (status == STATUS_OK)
@@ -549,7 +651,7 @@ enum status number_take(struct numbering *n, const uint32_t *faces, size_t count
     uint32_t batch[3 * FACE_BATCH];
     enum status status = STATUS_OK;
     *dropped = 0;
-    *taken = n->visits.total <= n->most_visits;
+    *taken = !has_jumped(n);
     for (size_t f = 0; f < count && *taken && status == STATUS_OK;) {
         size_t used = 0;
         for (; f < count && used < 3 * FACE_BATCH && status == STATUS_OK; f++) {
@@ -583,6 +685,11 @@ enum status number_finish(struct numbering **numbering, uint64_t base_count)
 uint64_t number_count(const struct numbering *numbering)
 {
     return numbering->kept;
+}
+
+bool number_has_jumped(const struct numbering *numbering)
+{
+    return has_jumped(numbering);
 }
 
 enum status number_take_back(struct numbering **numbering)

@@ -10,7 +10,7 @@
  * The centre is made from the corners' cells in a grid of 2^19 a side, as integers: faces with the
  * same corners in any order have the very same centre, so that of duplicates the first stays first.
  * A vertex's three cell coordinates share a word with room for sums of three. The words of all
- * vertices are a table; where it does not fit, lookup.h reads it.
+ * vertices are a table; where it does not fit, all of this is done otherwise (order_far.h).
  */
 #include "mesh/order.h"
 
@@ -20,10 +20,9 @@
 #include "base/memory.h"
 #include "base/parallel.h"
 #include "base/radix_sort.h"
-#include "geom/space_curve.h"
-#include "mesh/lookup.h"
+#include "mesh/order_far.h"
 
-enum { GRID_BITS = 19, FIELD_BITS = 21, CELL_BITS_MAX = 16, JUDGED_SHIFT_MIN = 6, BATCH = 1024 };
+enum { BATCH = 1024 };
 
 /* What is sorted when faces are not in memory: its first 8 bytes are the key. */
 struct keyed_face {
@@ -33,13 +32,9 @@ struct keyed_face {
 
 struct ordering {
     struct draft *draft;
-    struct space_curve curve;
+    struct face_curve curve;
     struct spool cell_spool;
-    uint64_t *cells; /* a vertex: its cell coordinates, FIELD_BITS apart */
-    double low[3];
-    double scale;
-    unsigned index_bits;
-    unsigned cell_bits;
+    uint64_t *cells;  /* a vertex */
     bool moves_faces; /* they are sorted with their keys */
     struct sorter *sorter;
     uint64_t **keys; /* a slab in flight */
@@ -48,15 +43,21 @@ struct ordering {
 
 /* ---- vertices ---- */
 
-static void set_grid(struct ordering *o, const struct frame *frame)
+void face_curve_init(struct face_curve *curve, const struct frame *frame, uint64_t face_count)
 {
     double extent = 0;
+    *curve = (struct face_curve){.scale = 0};
+    space_curve_init(&curve->curve);
     for (int i = 0; i < 3; i++) {
-        o->low[i] = frame->low[i];
+        curve->low[i] = frame->low[i];
         if (frame->high[i] - frame->low[i] > extent)
             extent = frame->high[i] - frame->low[i];
     }
-    o->scale = extent > 0 ? ((1 << GRID_BITS) - 1) / extent : 0;
+    curve->scale = extent > 0 ? ((1 << GRID_BITS) - 1) / extent : 0;
+    while ((face_count - 1) >> curve->index_bits)
+        curve->index_bits++;
+    const unsigned bits = (64 - curve->index_bits) / 3;
+    curve->cell_bits = bits < CELL_BITS_MAX ? bits : CELL_BITS_MAX;
 }
 
 static enum status fill_cells(void *user, uint64_t job, unsigned worker)
@@ -69,10 +70,7 @@ static enum status fill_cells(void *user, uint64_t job, unsigned worker)
     for (uint64_t v = first; v < end; v++) {
         double p[3];
         draft_position(o->draft, v, p);
-        uint64_t cell = 0;
-        for (int i = 3; i-- > 0;)
-            cell = cell << FIELD_BITS | (uint64_t)((p[i] - o->low[i]) * o->scale);
-        o->cells[v] = cell;
+        o->cells[v] = curve_cell(&o->curve, p);
     }
     return STATUS_OK;
 }
@@ -87,24 +85,13 @@ static enum status forget_vertices(void *user, uint64_t job)
 
 /* ---- faces ---- */
 
-/* The key of face f, whose corners' cells sum up to `sum`. */
-static inline uint64_t key_of(const struct ordering *o, uint64_t f, uint64_t sum)
-{
-    const uint64_t field = ((uint64_t)1 << FIELD_BITS) - 1;
-    const unsigned drop = GRID_BITS - o->cell_bits;
-    uint32_t x = (uint32_t)(sum & field) / 3 >> drop;
-    uint32_t y = (uint32_t)(sum >> FIELD_BITS & field) / 3 >> drop;
-    uint32_t z = (uint32_t)(sum >> 2 * FIELD_BITS) / 3 >> drop;
-    return space_curve_key(&o->curve, x, y, z, o->cell_bits) << o->index_bits | f;
-}
-
 static uint64_t slab_end(const struct draft *draft, uint64_t slab)
 {
     uint64_t end = (slab + 1) << draft->slab_shift;
     return end < draft->face_count ? end : draft->face_count;
 }
 
-/* All faces of a slab, when the cells are in memory. */
+/* All faces of a slab. */
 static enum status make_keys(void *user, uint64_t job, unsigned worker)
 {
     (void)worker;
@@ -115,7 +102,8 @@ static enum status make_keys(void *user, uint64_t job, unsigned worker)
     spool_expect(&draft->face_spool, first * 12, (end - first) * 12);
     for (uint64_t f = first; f < end; f++) {
         const uint32_t *face = draft->faces + 3 * f;
-        keys[f - first] = key_of(o, f, o->cells[face[0]] + o->cells[face[1]] + o->cells[face[2]]);
+        keys[f - first] =
+            face_key(&o->curve, f, o->cells[face[0]] + o->cells[face[1]] + o->cells[face[2]]);
     }
     return STATUS_OK;
 }
@@ -154,75 +142,6 @@ static enum status finish_keys(void *user, uint64_t job)
     return status;
 }
 
-/* ---- faces, when the cells are not in memory ---- */
-
-enum asking { NOW, ASK, NEXT };
-
-static inline enum status cell_of(struct lookup *lookup, enum asking asking, uint32_t vertex,
-                                  uint64_t *cell)
-{
-    if (asking == ASK)
-        return lookup_ask(lookup, vertex);
-    if (asking == NEXT)
-        return lookup_next(lookup, vertex, cell);
-    memcpy(cell, lookup_now(lookup, vertex), sizeof *cell);
-    return STATUS_OK;
-}
-
-/* Keys of all faces from `first` on, *end of them done. */
-static enum status walk_faces(struct ordering *o, struct lookup *lookup, enum asking asking,
-                              uint64_t first, uint64_t *end)
-{
-    const struct draft *draft = o->draft;
-    uint64_t keys[BATCH];
-    enum status status = STATUS_OK;
-    while (first < draft->face_count && status == STATUS_OK &&
-           !(asking == NOW && lookup_is_scattered(lookup))) {
-        size_t count =
-            draft->face_count - first < BATCH ? (size_t)(draft->face_count - first) : BATCH;
-        for (size_t i = 0; i < count && status == STATUS_OK; i++) {
-            uint64_t cells[3] = {0};
-            for (int k = 0; k < 3 && status == STATUS_OK; k++)
-                status =
-                    cell_of(lookup, asking, draft->faces[3 * (first + i) + (size_t)k], &cells[k]);
-            keys[i] = key_of(o, first + i, cells[0] + cells[1] + cells[2]);
-        }
-        if (status == STATUS_OK && asking != ASK)
-            status = add_keys(o, first, keys, count);
-        first += count;
-        if (first % FORGET_EVERY < BATCH) {
-            spool_pass(&draft->face_spool, first * 12);
-            if (status == STATUS_OK)
-                status = step(draft->ctx, "import: order", first, draft->face_count);
-        }
-    }
-    *end = first;
-    spool_forget_all(&draft->face_spool);
-    return status;
-}
-
-static enum status look_up_keys(struct ordering *o)
-{
-    struct draft *draft = o->draft;
-    struct lookup lookup;
-    uint64_t done = 0, end;
-    enum status status = lookup_open(&draft->room, &lookup, &o->cell_spool, o->cells,
-                                     sizeof *o->cells, draft->vertex_count);
-    if (status == STATUS_OK)
-        status = walk_faces(o, &lookup, NOW, 0, &done);
-    if (status == STATUS_OK && done < draft->face_count) {
-        status = lookup_ask_begin(&lookup);
-        if (status == STATUS_OK)
-            status = walk_faces(o, &lookup, ASK, done, &end);
-        if (status == STATUS_OK)
-            status = lookup_answer(&lookup);
-        if (status == STATUS_OK)
-            status = walk_faces(o, &lookup, NEXT, done, &end);
-    }
-    lookup_close(&lookup);
-    return status;
-}
-
 /* ---- moving ---- */
 
 static enum status move_faces(struct ordering *o)
@@ -230,7 +149,7 @@ static enum status move_faces(struct ordering *o)
     struct draft *draft = o->draft;
     struct spool moved;
     uint32_t batch[3 * BATCH];
-    const uint64_t mask = ((uint64_t)1 << o->index_bits) - 1;
+    const uint64_t mask = ((uint64_t)1 << o->curve.index_bits) - 1;
     spool_init(draft->ctx, &moved, draft->room.beside, room_spool_limit(&draft->room, 2));
     enum status status = sorter_finish(o->sorter);
     if (status == STATUS_OK)
@@ -272,12 +191,6 @@ uint64_t order_crossing_limit(const struct draft *draft)
         return UINT64_MAX;
     uint64_t sides = (uint64_t)CROSSING_PER_SLAB * draft->slab_count;
     return sides >> ((SLAB_SHIFT - draft->slab_shift) / 2);
-}
-
-bool order_is_scattered(const struct draft *draft)
-{
-    return draft->slab_shift >= JUDGED_SHIFT_MIN &&
-           draft->foreign_corners > draft->face_count / 8 * 9;
 }
 
 struct crossing_count { /* one a worker */
@@ -383,16 +296,10 @@ enum status order_crosses_too_much(struct draft *draft, bool *too_much)
     return status;
 }
 
-static enum status prepare(struct ordering *o, const struct frame *frame)
+static enum status prepare(struct ordering *o)
 {
     struct draft *draft = o->draft;
-    while ((draft->face_count - 1) >> o->index_bits)
-        o->index_bits++;
-    unsigned bits = (64 - o->index_bits) / 3;
-    o->cell_bits = bits < CELL_BITS_MAX ? bits : CELL_BITS_MAX;
     o->moves_faces = draft->face_spool.map != NULL;
-    space_curve_init(&o->curve);
-    set_grid(o, frame);
     enum status status =
         room_scratch(&draft->room, &o->cell_spool, draft->vertex_count * 8, &o->cells);
     if (status == STATUS_OK)
@@ -406,11 +313,6 @@ static enum status sort_keys(struct ordering *o)
     struct draft *draft = o->draft;
     const size_t size = o->moves_faces ? sizeof(struct keyed_face) : sizeof(uint64_t);
     enum status status = STATUS_OK;
-    if (o->cell_spool.map) {
-        status = sorter_open(draft->ctx, size, 8, room_left(&draft->room) / 4, draft->room.beside,
-                             &o->sorter);
-        return status == STATUS_OK ? look_up_keys(o) : status;
-    }
     for (unsigned i = 0; i < o->in_flight && status == STATUS_OK; i++)
         status = memory_take(draft->ctx, (size_t)1 << draft->slab_shift, 8, &o->keys[i]);
     if (status == STATUS_OK)
@@ -436,7 +338,10 @@ static void release_keys(struct ordering *o)
 enum status order_along_curve(struct draft *draft, const struct frame *frame)
 {
     struct ordering o = {.draft = draft, .in_flight = draft->room.in_flight};
-    enum status status = prepare(&o, frame);
+    face_curve_init(&o.curve, frame, draft->face_count);
+    if (draft->id_count || !draft_orders_near(draft, draft->vertex_count))
+        return order_far(draft, &o.curve);
+    enum status status = prepare(&o);
     if (status == STATUS_OK)
         status = parallel_ordered(draft->ctx, draft->slab_count, o.in_flight, fill_cells,
                                   forget_vertices, &o);

@@ -15,10 +15,6 @@ enum { CROSSING_PER_SLAB = 4096 };
  * slab keeps its order. */
 uint64_t order_crossing_limit(const struct draft *draft);
 
-/* Whether the order is so far from local in space that it need not be matched to be judged: more
- * than 3/8 of all corners are vertices of earlier slabs. (A fan of any size has 1/3.) */
-bool order_is_scattered(const struct draft *draft);
-
 /* Whether more edges cross than order_crossing_limit allows: what adjacency_build would find, at a
  * tenth of its price. Looked at only where it may be so: by the corners that are vertices of
  * earlier slabs, of which there are one or two for each such edge. */

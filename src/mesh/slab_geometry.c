@@ -21,13 +21,15 @@ static void widen(struct frame *frame, const double p[3])
     }
 }
 
-/* Where vertices never were gathered. */
+/* Where vertices never were gathered: those that are used. */
 static void look_at_all(const struct draft *draft, struct frame *frame)
 {
-    for (uint64_t v = 0; v < draft->vertex_count; v++) {
+    const uint64_t count = draft->id_count ? draft->id_count : draft->vertex_count;
+    for (uint64_t v = 0; v < count; v++) {
         double p[3];
         draft_position(draft, v, p);
-        widen(frame, p);
+        if (!draft->id_count || is_shared(draft, (uint32_t)v))
+            widen(frame, p);
         if (v % FORGET_EVERY == 0)
             spool_pass(&draft->position_spool, v * draft_position_size(draft));
     }
@@ -45,6 +47,8 @@ enum status frame_find(const struct draft *draft, struct frame *frame)
         look_at_all(draft, frame);
     double extent = 0;
     for (int i = 0; i < 3; i++) {
+        frame->low[i] += 0.0; /* -0 or 0 would be whichever came first */
+        frame->high[i] += 0.0;
         double side = frame->high[i] - frame->low[i];
         if (!(side >= 0 && side < INFINITY))
             return fail(draft->ctx, STATUS_BAD_INPUT, "coordinates are not finite or too large");

@@ -8,11 +8,11 @@
  * separated before orientation is mended, since sides that don't belong together need not agree;
  * and cutting a surface that is not orientable makes new fans to be separated.
  *
- * For a clean scan each of these is one look that finds nothing, and every look costs as much as the
- * mesh has bytes where it does not fit in memory. So faces are numbered while they are read; the box
- * is found while vertices are put in order; what is known of edges between slabs is entered when a
- * slab is looked at (draft_seams.c); and the last look, the survey, writes the store. So faces are
- * read back twice before they stand in the store, neighbours once.
+ * For a clean scan each of these is one look that finds nothing, and every look costs as much as
+ * the mesh has bytes where it does not fit in memory. So faces are numbered while they are read;
+ * the box is found while vertices are put in order; what is known of edges between slabs is entered
+ * when a slab is looked at (draft_seams.c); and the last look, the survey, writes the store. So
+ * faces are read back twice before they stand in the store, neighbours once.
  */
 #include "mesh/store.h"
 
@@ -114,7 +114,7 @@ static enum status take_triangles(void *user, struct ingest *ingest, size_t coun
     size_t dropped = 0;
     if (!build->numbering) {
         build->numbered_ids = ingest->vertex_count;
-        status = number_begin(&build->draft, ingest->vertex_count, &build->numbering);
+        status = number_begin(&build->draft, ingest->vertex_count, true, &build->numbering);
     }
     *taken = ingest->vertex_count == build->numbered_ids;
     if (status == STATUS_OK && *taken)
@@ -187,6 +187,7 @@ static enum status take_faces(struct build *build)
         status = take_over(build);
     const bool is_numbered =
         build->numbering && number_count(build->numbering) == draft->face_count && !merged;
+    const bool jumps = build->numbering && number_has_jumped(build->numbering);
     if (status == STATUS_OK && is_numbered)
         status = number_finish(&build->numbering, ingest->vertex_count);
     else if (status == STATUS_OK && build->numbering)
@@ -195,7 +196,7 @@ static enum status take_faces(struct build *build)
         status = draft_map_corners(draft, &merged_spool, merged, ingest->vertex_count);
     spool_clear(&merged_spool);
     if (status == STATUS_OK && !is_numbered)
-        status = draft_number(draft, ingest->vertex_count, NULL, NULL, 0, &degenerate);
+        status = draft_number_first(draft, ingest->vertex_count, jumps, &degenerate);
     if (status != STATUS_OK)
         return status;
     cleaning->degenerate_faces += degenerate;
@@ -210,7 +211,7 @@ static enum status take_faces(struct build *build)
 static enum status order_and_match(struct build *build, struct adjacency *adjacency)
 {
     struct draft *draft = &build->draft;
-    bool too_much = order_is_scattered(draft);
+    bool too_much = draft->id_count || draft_is_scattered(draft);
     if (!too_much) {
         enum status status = order_crosses_too_much(draft, &too_much);
         if (status != STATUS_OK)
