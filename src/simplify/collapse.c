@@ -28,6 +28,12 @@ static const double BOUND_PART = 0.5;
 /* Where the whole can be measured, the part grows until it has come so near to the bound. */
 static const double BOUND_NEAR = 0.8;
 static const double BOUND_GROWTH = 1.25;
+/* Errors below this part of the mean edge are rounding. */
+static const double FLAT_ERROR = 1e-5;
+/* Faces round a vertex leave a direction free where the least eigenvalue of their squared normals
+ * is below this part of the sum (floats tell it from 0 to 1e-7). Smooth scans have 1e-5 and more.
+ */
+static const double FLAT_PART = 1e-6;
 
 /* ---- beginning and end ---- */
 
@@ -317,12 +323,54 @@ static enum status run_up_to(struct collapse *c, uint64_t most_faces, double bou
     return STATUS_OK;
 }
 
+/* Whether the faces round v lie in one plane, or in several along one direction. */
+static bool vertex_is_flat(const struct collapse *c, uint32_t v)
+{
+    const float *s = c->vertices[v].fan.square;
+    const double xx = (double)s[0], xy = (double)s[1], xz = (double)s[2], yy = (double)s[3];
+    const double yz = (double)s[4], zz = (double)s[5], trace = xx + yy + zz;
+    const double minors = xx * yy - xy * xy + xx * zz - xz * xz + yy * zz - yz * yz;
+    const double determinant =
+        xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
+    return minors <= FLAT_PART * trace * trace || determinant <= FLAT_PART * trace * minors;
+}
+
+/*
+ * What costs nothing but rounding goes first, all of it. A sweep lets a part of the vertices
+ * through, and on parts with planes and cylinders that part may hold edges that cost something
+ * while there are still others that cost nothing: at 2 to 10 % of the faces of parts meshed for
+ * computation the mean error is half to a tenth this way. Of scans 2 % of the vertices are so at
+ * most, of a CT scan with its terraces 12 %, of parts 5 to 99 %.
+ */
+static enum status run_flat(struct collapse *c, uint64_t most_faces, double bound, bool *done)
+{
+    enum { SAMPLE_STEP = 16, FLAT_SHARE = 16 };
+    uint64_t flat = 0, seen = 0;
+    for (uint64_t v = 0; v < c->vertex_slots; v += SAMPLE_STEP) {
+        if (c->vertices[v].corner == NO_INDEX)
+            continue;
+        seen++;
+        flat += vertex_is_flat(c, (uint32_t)v);
+    }
+    if (flat * FLAT_SHARE < seen)
+        return STATUS_OK;
+    set_bound(c, fmin(bound, FLAT_ERROR / (double)c->unit));
+    enum status status = run_down(c, most_faces, done);
+    c->typical_error = c->error_sum = 0;
+    c->error_count = 0;
+    return status;
+}
+
 enum status collapse_run(struct collapse *c, uint64_t most_faces, double most_error)
 {
     enum status status = STATUS_OK;
     bool done = false;
     const double bound = most_error * c->scale;
     const bool bounded = bound < INFINITY;
+    if (c->live_faces == c->face_count && !c->options.roughly)
+        status = run_flat(c, most_faces, bounded ? bound * BOUND_PART : INFINITY, &done);
+    if (status != STATUS_OK)
+        return status;
     const uint64_t faces = next_reference(c, most_faces, bounded);
     if (faces > 0) {
         set_bound(c, bounded ? bound * BOUND_PART : INFINITY);
