@@ -332,6 +332,11 @@ bool instream_is_gzip(const struct instream *stream)
     return stream->is_gzip;
 }
 
+bool instream_runs_ahead(const struct instream *stream)
+{
+    return stream->gunzip && stream->ctx->threads > 1;
+}
+
 uint32_t instream_digest(const struct instream *stream)
 {
     if (stream->is_gzip)

@@ -44,6 +44,8 @@ enum status instream_skip(struct instream *stream, uint64_t size, uint32_t crc) 
 uint64_t instream_file_size(const struct instream *stream);
 const char *instream_name(const struct instream *stream);
 bool instream_is_gzip(const struct instream *stream);
+/* Whether what comes is inflated by another thread. */
+bool instream_runs_ahead(const struct instream *stream);
 /* CRC-32 and count of all raw bytes taken so far (gzip: inflated so far): the provenance. They are
  * those of the whole file once peek has shown the end (*available 0), which a parser that stops
  * early should ask for, taking what is left. */

@@ -99,11 +99,11 @@ enum status batch_refuse_coordinate(struct import_batch *batch, unsigned axis)
 enum status batch_deliver_faces(struct import_batch *batch)
 {
     size_t count = batch->face_count;
-    if (count == 0)
-        return STATUS_OK;
-    enum status status =
-        batch->sink->faces(batch->sink->user, batch->first_face, count,
-                           batch->has_polygons ? batch->sizes : NULL, batch->indices);
+    enum status status = batch_deliver_vertices(batch);
+    if (count == 0 || status != STATUS_OK)
+        return status;
+    status = batch->sink->faces(batch->sink->user, batch->first_face, count,
+                                batch->has_polygons ? batch->sizes : NULL, batch->indices);
     for (size_t i = 0; i < count && batch->has_polygons; i++)
         batch->sizes[i] = 3;
     batch->has_polygons = false;

@@ -8,8 +8,8 @@
 #include "mesh/import.h"
 #include "mesh/text_scan.h"
 
-/* Vertices always go to the sink in batches of exactly so many (but for the last), whatever pieces
- * the stream comes in: a batch is float32 or not as a whole. */
+/* Vertices always go to the sink in batches of exactly so many (but for the last before faces),
+ * whatever pieces the stream comes in: a batch is float32 or not as a whole. */
 enum { IMPORT_BATCH = 8192 };
 
 struct import_batch {
@@ -47,6 +47,7 @@ void batch_close(struct import_batch *batch); /* safe when all zero */
 /* Delivers the vertices in the batch: `floats` as filled, or chosen by is_float32. */
 enum status batch_deliver_floats(struct import_batch *batch) MUST_CHECK;
 enum status batch_deliver_vertices(struct import_batch *batch) MUST_CHECK;
+/* The vertices first: who takes faces may want to know theirs. */
 enum status batch_deliver_faces(struct import_batch *batch) MUST_CHECK;
 
 /* One coordinate of the next vertex from text: what a float32 is enough for becomes the float32,

@@ -132,10 +132,15 @@ static enum status read_element(struct ply *ply, const struct ply_element *eleme
     ply->index_list = is_face_element(element) ? find_index_list(ply, element) : -1;
     if (element->count == 0)
         return STATUS_OK;
-    if (strcmp(element->name, "vertex") == 0)
-        return ply_vertices_are_plain(ply) ? ply_read_plain_vertices(ply) : ply_read_vertices(ply);
+    const bool has_vertices = strcmp(element->name, "vertex") == 0;
+    if ((has_vertices || strcmp(element->name, "face") == 0) && ply_rows_are_lines(ply))
+        return ply_read_lines(ply);
+    if (has_vertices)
+        return ply_vertices_are_plain(ply) ? ply_read_plain_vertices(ply)
+                                           : ply_read_vertices(ply, element->count);
     if (strcmp(element->name, "face") == 0)
-        return ply_faces_are_plain(ply) ? ply_read_plain_faces(ply) : ply_read_faces(ply);
+        return ply_faces_are_plain(ply) ? ply_read_plain_faces(ply)
+                                        : ply_read_faces(ply, element->count);
     if (strcmp(element->name, "tristrips") == 0)
         return ply_read_strips(ply);
     return ply_skip_rows(ply);

@@ -136,15 +136,17 @@ static enum status watch_indices(struct ingest *ingest, uint64_t face, const uin
         largest = indices[i] > largest ? indices[i] : largest;
     if (count == 0 || largest < input->vertex_count || largest < ingest->needed_vertices)
         return STATUS_OK;
-    size_t at = 0;
-    while (indices[at] != largest)
+    const bool is_beyond = input->vertex_first + largest >= index_limit;
+    size_t at = 0; /* the first one beyond, whatever runs the faces come in */
+    while (is_beyond ? input->vertex_first + indices[at] < index_limit : indices[at] != largest)
         at++;
     ingest->needed_vertices = (uint64_t)largest + 1;
     ingest->largest_face = face + at / corners;
-    if (input->vertex_first + largest >= index_limit)
+    if (is_beyond)
         return fail(ingest->ctx, STATUS_BAD_INPUT,
                     "%s: face %llu names vertex %lu, beyond the limit of 4294967294 vertices",
-                    input->name, (unsigned long long)ingest->largest_face, (unsigned long)largest);
+                    input->name, (unsigned long long)ingest->largest_face,
+                    (unsigned long)indices[at]);
     return STATUS_OK;
 }
 

@@ -12,6 +12,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "base/bytes.h"
+
 enum { NUMBER_LENGTH_MAX = 1024 }; /* longer ones are refused */
 
 struct parsed_number {
@@ -33,6 +35,29 @@ bool float32_is_enough(double value, int64_t exponent);
 /* [+-] digits, within int64. */
 const unsigned char *parse_integer(const unsigned char *at, const unsigned char *end,
                                    int64_t *value);
+
+/* ---- digits eight at a time: eight bytes in a row, the first in the lowest byte ---- */
+
+/* How many digits they begin with. */
+static inline unsigned digits_in_front(uint64_t bytes)
+{
+    const uint64_t digits = bytes ^ 0x3030303030303030u; /* 0 to 9 where there are any */
+    /* What is larger carries upwards, away from the first one that is. */
+    const uint64_t others = ((digits + 0x7676767676767676u) | digits) & 0x8080808080808080u;
+    return others ? (unsigned)__builtin_ctzll(others) / 8 : 8;
+}
+
+/* Value of the first `count` of them, 1 to 8, which are digits: pairs, then fours, then all eight
+ * are joined in one multiplication each. */
+static inline uint32_t value_of_digits(uint64_t bytes, unsigned count)
+{
+    bytes = (bytes & 0x0f0f0f0f0f0f0f0fu) << (64 - 8 * count);
+    bytes = bytes * 10 + (bytes >> 8);
+    bytes = ((bytes & 0x000000ff000000ffu) * (100 + (1000000ull << 32)) +
+             (bytes >> 16 & 0x000000ff000000ffu) * (1 + (10000ull << 32))) >>
+            32;
+    return (uint32_t)bytes;
+}
 
 /* Digits only, at most UINT32_MAX. */
 static inline const unsigned char *parse_index(const unsigned char *at, const unsigned char *end,

@@ -1,7 +1,7 @@
 /*
  * The parts of the PLY reader: import_ply.c walks the elements, ply_rows.c reads rows value by
  * value in any format and of any types, ply_fast.c reads binary rows of the usual layouts by the
- * thousand.
+ * thousand, ply_text.c lines of text that are a row each.
  */
 #ifndef SPBM_MESH_PLY_BODY_H
 #define SPBM_MESH_PLY_BODY_H
@@ -27,9 +27,10 @@ struct ply {
 /* "ends within element ...: N of M". */
 enum status ply_ends_early(struct ply *ply);
 
+/* Each reads the current element's rows before row `end`. */
+enum status ply_read_vertices(struct ply *ply, uint64_t end) MUST_CHECK;
+enum status ply_read_faces(struct ply *ply, uint64_t end) MUST_CHECK;
 /* Each reads all rows of the current element. */
-enum status ply_read_vertices(struct ply *ply) MUST_CHECK;
-enum status ply_read_faces(struct ply *ply) MUST_CHECK;
 enum status ply_read_strips(struct ply *ply) MUST_CHECK;
 enum status ply_skip_rows(struct ply *ply) MUST_CHECK;
 
@@ -54,6 +55,15 @@ enum status ply_read_split(const struct ply_split *split) MUST_CHECK;
 
 bool ply_faces_are_plain(const struct ply *ply);
 enum status ply_read_plain_faces(struct ply *ply) MUST_CHECK;
+
+/* Whether the current element, vertices or faces, is text without lists that are dropped, so that
+ * its rows may be lines; reads them all, whether they are or not. */
+bool ply_rows_are_lines(const struct ply *ply);
+enum status ply_read_lines(struct ply *ply) MUST_CHECK;
+
+/* A value from text as the bytes of a record, little-endian; false if the type has no such value.
+ */
+bool ply_store_scalar(enum scalar_type type, double value, unsigned char bytes[8]);
 
 static inline const struct ply_property *ply_property(const struct ply *ply, uint32_t i)
 {

@@ -379,8 +379,9 @@ static enum status take_converted(struct ply *ply, const void *user, size_t coun
 /* What can be, by several threads. */
 static enum status split_faces(struct ply *ply, const struct face_plan *plan)
 {
-    if (ply->batch.face_count > 0)
-        return STATUS_OK;
+    enum status status = batch_deliver_faces(&ply->batch);
+    if (status != STATUS_OK)
+        return status;
     return ply_read_split(&(struct ply_split){.ply = ply,
                                               .plan = plan,
                                               .row_size = plan->before + 13 + plan->after,

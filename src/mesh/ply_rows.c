@@ -48,25 +48,21 @@ static void begin_row(struct ply *ply, const char *item)
 
 /* ---- values ---- */
 
-static enum status store_text_value(struct ply *ply, const struct ply_property *property,
-                                    struct value *value)
+bool ply_store_scalar(enum scalar_type type, double real, unsigned char bytes[8])
 {
     static const double limits[][2] = {{INT8_MIN, INT8_MAX},   {0, UINT8_MAX},
                                        {INT16_MIN, INT16_MAX}, {0, UINT16_MAX},
                                        {INT32_MIN, INT32_MAX}, {0, UINT32_MAX}};
-    double real = value->number.value;
-    if (property->type == SCALAR_FLOAT64) {
-        store_f64(value->bytes, real);
-    } else if (property->type == SCALAR_FLOAT32) {
-        store_f32(value->bytes, (float)real);
+    if (type == SCALAR_FLOAT64) {
+        store_f64(bytes, real);
+    } else if (type == SCALAR_FLOAT32) {
+        store_f32(bytes, (float)real);
     } else {
-        if (!(real >= limits[property->type][0] && real <= limits[property->type][1]) ||
-            floor(real) != real)
-            return text_fail(&ply->text, "%.9g is not a value of the type of property %s", real,
-                             property->name);
-        store_u32(value->bytes, real < 0 ? (uint32_t)(int32_t)real : (uint32_t)real);
+        if (!(real >= limits[type][0] && real <= limits[type][1]) || floor(real) != real)
+            return false;
+        store_u32(bytes, real < 0 ? (uint32_t)(int32_t)real : (uint32_t)real);
     }
-    return STATUS_OK;
+    return true;
 }
 
 static enum status read_value(struct ply *ply, const struct ply_property *property,
@@ -76,7 +72,11 @@ static enum status read_value(struct ply *ply, const struct ply_property *proper
         enum status status = next_token(ply);
         if (status == STATUS_OK)
             status = text_real(&ply->text, &value->number);
-        return status == STATUS_OK ? store_text_value(ply, property, value) : status;
+        if (status == STATUS_OK &&
+            !ply_store_scalar(property->type, value->number.value, value->bytes))
+            return text_fail(&ply->text, "%.9g is not a value of the type of property %s",
+                             value->number.value, property->name);
+        return status;
     }
     uint32_t size = scalar_size(property->type);
     enum status status = ply_want(ply, size);
@@ -216,9 +216,9 @@ static enum status read_vertex_property(struct ply *ply, const struct ply_proper
     return is_finite ? STATUS_OK : batch_refuse_coordinate(batch, (unsigned)role);
 }
 
-enum status ply_read_vertices(struct ply *ply)
+enum status ply_read_vertices(struct ply *ply, uint64_t end)
 {
-    for (; ply->row < ply->element->count; ply->row++) {
+    for (; ply->row < end; ply->row++) {
         begin_row(ply, "vertex");
         for (uint32_t i = 0; i < ply->element->property_count; i++) {
             enum status status = read_vertex_property(ply, ply_property(ply, i), ply->role[i]);
@@ -256,9 +256,9 @@ static enum status read_corners(struct ply *ply, const struct ply_property *prop
     return status;
 }
 
-enum status ply_read_faces(struct ply *ply)
+enum status ply_read_faces(struct ply *ply, uint64_t end)
 {
-    for (; ply->row < ply->element->count; ply->row++) {
+    for (; ply->row < end; ply->row++) {
         uint32_t corners = 0;
         begin_row(ply, "face");
         for (uint32_t i = 0; i < ply->element->property_count; i++) {

@@ -14,8 +14,6 @@ static struct parsed_number parse_all(const char *text)
     struct parsed_number number;
     /* An exact-size copy, so that a look behind the end is found by the sanitizer. */
     size_t length = strlen(text);
-    unsigned char *copy = malloc(length + 1);
-    assert_non_null(copy);
     unsigned char *tight = malloc(length ? length : 1);
     assert_non_null(tight);
     memcpy(tight, text, length);
@@ -23,8 +21,19 @@ static struct parsed_number parse_all(const char *text)
     if (stop != tight + length)
         print_error("\"%s\" was not parsed to its end\n", text);
     assert_ptr_equal(stop, tight + length);
-    free(copy);
     free(tight);
+    /* Numbers that are not the last thing in the text may be parsed in another way. */
+    static const char more[] = " 12345678.12345678 9012345678901234567890";
+    struct parsed_number inside;
+    unsigned char *copy = malloc(length + sizeof more);
+    assert_non_null(copy);
+    memcpy(copy, text, length);
+    memcpy(copy + length, more, sizeof more);
+    assert_ptr_equal(parse_real(copy, copy + length + sizeof more, &inside), copy + length);
+    assert_memory_equal(&inside.value, &number.value, sizeof number.value);
+    assert_int_equal(inside.fits_float32, number.fits_float32);
+    assert_int_equal(inside.is_integer, number.is_integer);
+    free(copy);
     return number;
 }
 
