@@ -172,8 +172,7 @@ static enum status make_ready(struct collapse *c)
     if (status != STATUS_OK)
         return status;
     fans_build(c);
-    keys_sample(c);
-    return STATUS_OK;
+    return keys_sample(c);
 }
 
 enum status collapse_begin(struct context *ctx, const struct collapse_options *options,
@@ -261,13 +260,14 @@ static uint64_t next_reference(struct collapse *c, uint64_t most_faces, bool bou
     return faces > most_faces + most_faces / 4 ? faces : 0;
 }
 
-static void set_bound(struct collapse *c, double bound)
+static enum status set_bound(struct collapse *c, double bound)
 {
-    if (c->held_back && bound > c->error_bound) {
-        c->held_back = false;
-        keys_sample(c);
-    }
+    const bool renews = c->held_back && bound > c->error_bound;
     c->error_bound = bound;
+    if (!renews)
+        return STATUS_OK;
+    c->held_back = false;
+    return keys_sample(c);
 }
 
 /* Collapses down to `most_faces`, with the bound that is set; *done: nothing more is to be had. */
@@ -287,10 +287,12 @@ static enum status run_down(struct collapse *c, uint64_t most_faces, bool *done)
             if (*done)
                 break;
             c->guard++;
-            keys_sample(c);
+            enum status status = keys_sample(c);
+            if (status != STATUS_OK)
+                return status;
             continue;
         }
-        enum status status = sweep(c, threshold, wanted, most_faces);
+        enum status status = sweep(c, threshold, most_faces);
         if (status == STATUS_OK && c->live_faces < c->face_slots / 2 &&
             c->reference.face_count == 0)
             status = topology_compact(c);
@@ -311,13 +313,16 @@ static enum status run_up_to(struct collapse *c, uint64_t most_faces, double bou
     enum { ROUNDS = 8 };
     double part = BOUND_PART;
     for (int round = 0; round < ROUNDS; round++) {
-        set_bound(c, fmax(part * bound, c->error_bound));
-        enum status status = run_down(c, most_faces, done);
+        enum status status = set_bound(c, fmax(part * bound, c->error_bound));
+        if (status == STATUS_OK)
+            status = run_down(c, most_faces, done);
         if (status != STATUS_OK || c->live_faces <= most_faces || !c->held_back)
             return status;
-        const double error = collapse_error(c) * c->scale;
-        if (error > BOUND_NEAR * bound)
-            break;
+        double error;
+        status = collapse_error(c, &error);
+        error *= c->scale;
+        if (status != STATUS_OK || error > BOUND_NEAR * bound)
+            return status;
         part *= fmin(BOUND_GROWTH, bound / (error + 1e-30 * bound));
     }
     return STATUS_OK;
@@ -373,8 +378,9 @@ enum status collapse_run(struct collapse *c, uint64_t most_faces, double most_er
         return status;
     const uint64_t faces = next_reference(c, most_faces, bounded);
     if (faces > 0) {
-        set_bound(c, bounded ? bound * BOUND_PART : INFINITY);
-        status = run_down(c, faces, &done);
+        status = set_bound(c, bounded ? bound * BOUND_PART : INFINITY);
+        if (status == STATUS_OK)
+            status = run_down(c, faces, &done);
         if (status == STATUS_OK && c->live_faces > most_faces &&
             (!done || (c->held_back && c->live_faces <= reference_most_faces(c))))
             status = reference_take(c);
@@ -383,8 +389,8 @@ enum status collapse_run(struct collapse *c, uint64_t most_faces, double most_er
     }
     if (bounded && c->reference.face_count > 0)
         return run_up_to(c, most_faces, bound, &done);
-    set_bound(c, bounded ? bound * BOUND_PART : INFINITY);
-    return run_down(c, most_faces, &done);
+    status = set_bound(c, bounded ? bound * BOUND_PART : INFINITY);
+    return status == STATUS_OK ? run_down(c, most_faces, &done) : status;
 }
 
 uint64_t collapse_faces(const struct collapse *c)
@@ -392,17 +398,20 @@ uint64_t collapse_faces(const struct collapse *c)
     return c->live_faces;
 }
 
-double collapse_error(const struct collapse *c)
+enum status collapse_error(const struct collapse *c, double *error)
 {
     double largest = 0;
+    enum status status = STATUS_OK;
     if (c->reference.face_count > 0)
-        return reference_error(c) / c->scale;
-    for (uint32_t v = 0; v < c->vertex_slots; v++)
-        if (c->vertices[v].corner != NO_INDEX)
-            largest = fmax(largest, vertex_error(c, v, largest));
-    if (c->held_back)
+        status = reference_error(c, &largest);
+    else
+        for (uint32_t v = 0; v < c->vertex_slots; v++)
+            if (c->vertices[v].corner != NO_INDEX)
+                largest = fmax(largest, vertex_error(c, v, largest));
+    if (c->held_back && c->reference.face_count == 0)
         largest = fmax(largest, fmin(largest, c->error_bound) / BOUND_PART);
-    return largest / c->scale;
+    *error = largest / c->scale;
+    return status;
 }
 
 bool collapse_exhausted(const struct collapse *c)

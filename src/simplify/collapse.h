@@ -69,7 +69,8 @@ enum status collapse_run(struct collapse *collapse, uint64_t most_faces,
                          double most_error) MUST_CHECK;
 
 uint64_t collapse_faces(const struct collapse *collapse);
-double collapse_error(const struct collapse *collapse); /* estimated largest distance so far */
+/* Estimated largest distance so far. */
+enum status collapse_error(const struct collapse *collapse, double *error) MUST_CHECK;
 bool collapse_exhausted(const struct collapse *collapse);
 
 /* The present mesh, vertices numbered by first use in face order, faces in their input's order.

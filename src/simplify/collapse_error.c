@@ -149,33 +149,41 @@ void offset_set(struct collapse *c, uint32_t v, float offset)
     c->vertices[v].offset = half_from_float(offset * c->unit);
 }
 
-/* Squared distance of the point at `place` from the faces at v, whose surroundings *look gets;
- * infinite when there are too many to look at. */
-static float square_at(const struct collapse *c, uint32_t v, const float place[3],
-                       struct vertex_look *look)
+/* Squared distance of the point at `place` from the faces at v, round which *look is; infinite when
+ * there are too many to look at. */
+static float square_at(const struct collapse *c, uint32_t v, const struct vertex_look *look,
+                       const float place[3])
 {
     const float *from = c->vertices[v].position;
     const float p[3] = {place[0] - from[0], place[1] - from[1], place[2] - from[2]};
     uint32_t face;
+    return look->ring.count ? nearest_square(c, look, origin, none_gone, p, &face) : INFINITY;
+}
+
+void vertex_look_freely(const struct collapse *c, uint32_t v, struct vertex_look *look)
+{
     const struct territory whole = {.end = (uint32_t)c->vertex_slots};
     vertex_look_round(c, &whole, v, look);
-    return look->ring.count ? nearest_square(c, look, origin, none_gone, p, &face) : INFINITY;
 }
 
 /* The faces at v need not be the nearest any more, since its neighbours have moved, too: from there
  * it goes to the neighbour whose faces are nearer, as long as there is one. */
-float vertex_square(const struct collapse *c, uint32_t v, const float place[3], float enough)
+float vertex_square(const struct collapse *c, uint32_t v, const struct vertex_look *look,
+                    const float place[3], float enough)
 {
-    struct vertex_look look, other;
-    float nearest = square_at(c, v, place, &look);
+    struct vertex_look there, other;
+    float nearest = square_at(c, v, look, place);
     for (bool nearer = nearest < INFINITY; nearer && nearest > enough;) {
         nearer = false;
-        for (uint32_t i = 0; i < look.ring.count && !nearer; i++) {
-            const float square = square_at(c, look.ring.vertices[i], place, &other);
+        for (uint32_t i = 0; i < look->ring.count && !nearer; i++) {
+            const uint32_t w = look->ring.vertices[i];
+            vertex_look_freely(c, w, &other);
+            const float square = square_at(c, w, &other, place);
             if (square >= nearest)
                 continue;
             nearest = square;
-            look = other;
+            there = other;
+            look = &there;
             nearer = true;
         }
     }
@@ -184,12 +192,14 @@ float vertex_square(const struct collapse *c, uint32_t v, const float place[3], 
 
 double vertex_error(const struct collapse *c, uint32_t v, double enough)
 {
+    struct vertex_look look;
     float place[3];
     const double noted = fabs((double)offset_get(c, v));
     witness_get(c, v, place);
     for (int k = 0; k < 3; k++)
         place[k] += c->vertices[v].position[k];
-    const float nearest = vertex_square(c, v, place, (float)(enough * enough));
+    vertex_look_freely(c, v, &look);
+    const float nearest = vertex_square(c, v, &look, place, (float)(enough * enough));
     return nearest < INFINITY ? fmax(noted, sqrt((double)nearest)) : noted;
 }
 

@@ -238,13 +238,18 @@ float edge_square_after(const struct collapse *collapse, const struct edge_chang
                         const float p[3], float enough);
 float edge_square_before(const struct collapse *collapse, const struct edge_change *change, int end,
                          const float p[3]);
-/* Squared distance of the point at `place` from the faces at v and, going from there to where they
- * are nearer, the faces nearby. What is smaller than `enough` (squared) need not be exact. Infinite
- * where there are too many to look at. */
-float vertex_square(const struct collapse *collapse, uint32_t v, const float place[3],
-                    float enough);
+/* The faces round v, wherever they are. */
+void vertex_look_freely(const struct collapse *collapse, uint32_t v, struct vertex_look *look);
+/* Squared distance of the point at `place` from the faces at v, round which *look is, and, going
+ * from there to where they are nearer, the faces nearby. What is smaller than `enough` (squared)
+ * need not be exact. Infinite where there are too many to look at. */
+float vertex_square(const struct collapse *collapse, uint32_t v, const struct vertex_look *look,
+                    const float place[3], float enough);
 
 /* ---- collapse_reference.c ---- */
+
+/* Of a vertex's points of the reference so many are looked at. */
+enum { REFERENCE_POINTS_MAX = 16 };
 
 /* Makes the present mesh the reference. Vertices and faces are renumbered. */
 enum status reference_take(struct collapse *collapse) MUST_CHECK;
@@ -258,23 +263,23 @@ void reference_merge(struct collapse *collapse, uint32_t kept, uint32_t gone);
  * in both directions and at some points. */
 bool reference_allows(const struct collapse *collapse, const struct edge_change *change,
                       double bound);
+/* ---- collapse_measure.c ---- */
+
 /* The largest distance between the surface and the reference, and of the witnesses from the
  * surface: in both directions, at some points. */
-double reference_error(const struct collapse *collapse);
+enum status reference_error(const struct collapse *collapse, double *error) MUST_CHECK;
 
 /* ---- collapse_sweep.c ---- */
 
 /* Makes keys anew: of every key_step-th vertex, for choosing a threshold by; the others are 0, so
  * that the next sweep looks at them. */
-void keys_sample(struct collapse *collapse);
+enum status keys_sample(struct collapse *collapse) MUST_CHECK;
 /* The threshold of the next sweep: the cost below which `wanted` of the vertices' keys lie, to
  * three bits of mantissa; INFINITY when no vertex has a key. */
 float keys_threshold(const struct collapse *collapse, uint64_t wanted);
 /* The part of the vertices that a sweep is to let through. */
 double sweep_part(const struct collapse *collapse);
-/* Collapses what costs no more than the threshold, down to `most_faces`. `wanted`: as given to
- * keys_threshold. */
-enum status sweep(struct collapse *collapse, float threshold, uint64_t wanted,
-                  uint64_t most_faces) MUST_CHECK;
+/* Collapses what costs no more than the threshold, down to `most_faces`. */
+enum status sweep(struct collapse *collapse, float threshold, uint64_t most_faces) MUST_CHECK;
 
 #endif

@@ -14,8 +14,7 @@
  * it: the new vertex and the middles of its edges are to lie near the copy, and the copy's vertices
  * near the new faces. Each vertex of the copy belongs to a live vertex, the one that it was merged
  * into; they hang together in rings (`next`), and two rings become one by exchanging two entries.
- * At the end what the estimate finds suspicious is measured once more, and that is the error
- * reported.
+ * At the end all is measured once more (collapse_measure.c).
  */
 #include <math.h>
 #include <string.h>
@@ -24,16 +23,9 @@
 #include "collapse_internal.h"
 #include "geom/distance.h"
 
-/* Of a vertex's points of the reference so many are looked at. */
-enum { POINTS_MAX = 16 };
 /* Faces turn by so little that it does not matter when the new vertex is not this part of the bound
  * from their planes. */
 static const float TURNED_LEAST = 0.25f;
-/* A vertex whose noted offset is below this part of the largest error is not measured at the end.
- */
-static const double NOTED_LEAST = 0.3;
-/* So many points are looked for among all faces where no face nearby is near. */
-enum { SEARCHES_MAX = 64 };
 
 /* ---- taking the copy ---- */
 
@@ -176,7 +168,7 @@ static bool points_are_near(const struct collapse *c, const struct edge_change *
         if (square > most && !(stays && edge_square_before(c, change, end, p) >= square))
             return false;
         u = r->next[u];
-    } while (u != owner && ++count < POINTS_MAX);
+    } while (u != owner && ++count < REFERENCE_POINTS_MAX);
     return true;
 }
 
@@ -194,111 +186,4 @@ bool reference_allows(const struct collapse *c, const struct edge_change *change
                 return false;
     }
     return true;
-}
-
-/* ---- all of it ---- */
-
-/* The point's distance from the reference if it is more than `largest`, else `largest`. */
-static double larger_distance(const struct collapse *c, const float at[3], double largest)
-{
-    struct nearest nearest = {INFINITY, UINT32_MAX, {0, 0, 0}};
-    if (is_near(c, at, largest))
-        return largest;
-    bvh_nearest(&c->reference.tree, widened(at), &nearest);
-    return sqrt(nearest.distance_squared);
-}
-
-/* Whether the faces at an edge are apart by more than `height` at one of its ends' sides: an edge
- * in a plane is as near as the faces' other edges. */
-static bool is_bent(const struct collapse *c, uint32_t corner, double height)
-{
-    const uint32_t across = corner_opposite(c, corner);
-    if (across == NO_INDEX || (c->vertices[c->corners[corner].end].flags &
-                               c->vertices[corner_vertex(c, corner)].flags & VERTEX_BORDER))
-        return true;
-    const struct vec3 a = vec3_load_float(c->vertices[corner_vertex(c, corner)].position);
-    const struct vec3 edge =
-        vec3_sub(vec3_load_float(c->vertices[c->corners[corner].end].position), a);
-    const struct vec3 left =
-        vec3_sub(vec3_load_float(c->vertices[c->corners[corner_next(corner)].end].position), a);
-    const struct vec3 right =
-        vec3_sub(vec3_load_float(c->vertices[c->corners[corner_next(across)].end].position), a);
-    const struct vec3 n = vec3_cross(edge, left), m = vec3_cross(right, edge);
-    if (vec3_dot(n, m) <= 0)
-        return true;
-    const double least = height * height;
-    const double of_right = vec3_dot(n, right), of_left = vec3_dot(m, left);
-    return of_right * of_right > least * vec3_length_squared(n) ||
-           of_left * of_left > least * vec3_length_squared(m);
-}
-
-static double surface_error(const struct collapse *c, double largest)
-{
-    for (uint32_t v = 0; v < c->vertex_slots; v++)
-        if (c->vertices[v].corner != NO_INDEX &&
-            fabs((double)offset_get(c, v)) > NOTED_LEAST * largest)
-            largest = larger_distance(c, c->vertices[v].position, largest);
-    for (uint32_t i = 0; i < 3 * (uint32_t)c->face_slots; i++) {
-        const uint32_t to = c->corners[i].end;
-        if (to == NO_INDEX || (corner_opposite(c, i) < i && corner_opposite(c, i) != NO_INDEX) ||
-            !is_bent(c, i, largest))
-            continue;
-        const float *a = c->vertices[to].position, *b = c->vertices[corner_vertex(c, i)].position;
-        const float middle[3] = {(a[0] + b[0]) / 2, (a[1] + b[1]) / 2, (a[2] + b[2]) / 2};
-        largest = larger_distance(c, middle, largest);
-    }
-    return largest;
-}
-
-/* The distance of `p` from all faces, `least` if that is not more: the way from vertex to vertex
- * may have ended on one side of a thin wall, or on another component. */
-static double distance_from_all(const struct collapse *c, struct vec3 p, double least)
-{
-    double square = INFINITY;
-    for (uint32_t f = 0; f < c->face_slots && square > least * least; f++) {
-        const struct collapse_corner *corner = c->corners + 3 * (size_t)f;
-        if (corner[0].end == NO_INDEX)
-            continue;
-        const struct triangle triangle = {vec3_load_float(c->vertices[corner[0].end].position),
-                                          vec3_load_float(c->vertices[corner[1].end].position),
-                                          vec3_load_float(c->vertices[corner[2].end].position)};
-        square = fmin(square, triangle_distance_squared(p, &triangle, NULL));
-    }
-    return fmax(least, sqrt(square));
-}
-
-/* `searches`: how many points may still be looked for among all faces. */
-static double point_error(const struct collapse *c, uint32_t v, struct vec3 p, double largest,
-                          uint32_t *searches)
-{
-    const float place[3] = {(float)p.x, (float)p.y, (float)p.z};
-    const float square = vertex_square(c, v, place, (float)(largest * largest));
-    if (!(square < INFINITY) || (double)square <= largest * largest)
-        return largest;
-    if (*searches == 0)
-        return sqrt((double)square);
-    --*searches;
-    return fmin(sqrt((double)square), distance_from_all(c, p, largest));
-}
-
-double reference_error(const struct collapse *c)
-{
-    const struct reference *r = &c->reference;
-    double largest = surface_error(c, c->typical_error);
-    uint32_t searches = SEARCHES_MAX;
-    for (uint32_t v = 0; v < c->vertex_slots; v++) {
-        if (c->vertices[v].corner == NO_INDEX)
-            continue;
-        const struct vec3 at = vec3_load_float(c->vertices[v].position);
-        float offset[3];
-        witness_get(c, v, offset);
-        largest = point_error(c, v, vec3_add(at, vec3_load_float(offset)), largest, &searches);
-        uint32_t u = v, count = 0;
-        do {
-            largest =
-                point_error(c, v, vec3_load(r->positions + 3 * (size_t)u), largest, &searches);
-            u = r->next[u];
-        } while (u != v && ++count < POINTS_MAX);
-    }
-    return largest;
 }

@@ -39,6 +39,8 @@ static const double REFUSED = 1.25;
 
 /* ---- keys ---- */
 
+enum { KEYS_STRETCH = 4096 };
+
 static const struct pace *pace_of(const struct collapse *c)
 {
     return &PACES[c->options.effort >= 3 ? 2 : c->options.effort == 2 ? 1 : 0];
@@ -62,22 +64,38 @@ static float cheapest(const struct vertex_edges *edges, uint32_t *best)
     return least;
 }
 
-/* Makes keys anew: of every SAMPLE_STEP-th vertex, for choosing a threshold by; the others are 0,
- * so that the next sweep looks at them. (Few vertices are all looked at.) */
-void keys_sample(struct collapse *c)
+/* One stretch of vertices for keys_sample. */
+static enum status sample_stretch(void *user, uint64_t job, unsigned worker)
 {
-    enum { SAMPLE_STEP = 8, FEW = 4096 };
+    (void)worker;
+    struct collapse *c = user;
     const struct territory whole = {.end = (uint32_t)c->vertex_slots};
+    const uint64_t first = job * KEYS_STRETCH;
+    const uint64_t end = first + KEYS_STRETCH < c->vertex_slots ? first + KEYS_STRETCH : whole.end;
     struct vertex_edges edges;
     uint32_t best;
-    c->key_step = c->vertex_slots > FEW ? SAMPLE_STEP : 1;
-    for (uint32_t v = 0; v < c->vertex_slots; v++) {
+    for (uint32_t v = (uint32_t)first; v < end; v++) {
         c->keys[v] = c->vertices[v].corner == NO_INDEX ? INFINITY : 0;
         if (v % c->key_step != 0 || c->vertices[v].corner == NO_INDEX)
             continue;
         vertex_evaluate(c, &whole, v, &edges);
         c->keys[v] = cheapest(&edges, &best);
     }
+    return STATUS_OK;
+}
+
+/* (Few vertices are all looked at.) */
+enum status keys_sample(struct collapse *c)
+{
+    enum { SAMPLE_STEP = 8, FEW = 4096 };
+    const uint64_t stretches = (c->vertex_slots + KEYS_STRETCH - 1) / KEYS_STRETCH;
+    enum status status = STATUS_OK;
+    c->key_step = c->vertex_slots > FEW ? SAMPLE_STEP : 1;
+    if (c->options.together)
+        return parallel_for(c->ctx, stretches, sample_stretch, c);
+    for (uint64_t job = 0; job < stretches && status == STATUS_OK; job++)
+        status = sample_stretch(c, job, 0);
+    return status;
 }
 
 /* The threshold of the next sweep: the cost below which `wanted` of the vertices' keys lie, to
@@ -391,12 +409,20 @@ static void sweep_territory(struct collapse *c, struct territory *t, float thres
 
 /* ---- a sweep in several threads ---- */
 
-enum { TERRITORIES_MAX = 64, TERRITORY_VERTICES = 4096 };
+/* Runs are long, as what reaches out of them is left over (a tenth of the first sweep at the root;
+ * a quarter with runs of 2048), but there are some for every thread of a small machine. */
+enum {
+    TERRITORIES_MIN = 4,
+    TERRITORIES_MAX = 64,
+    TERRITORY_VERTICES = 8192,
+    TERRITORY_VERTICES_LEAST = 3072,
+    TERRITORY_FACES_LEAST = 32
+};
 
 struct shared_sweep {
     struct collapse *collapse;
     float threshold;
-    struct territory territories[TERRITORIES_MAX];
+    struct territory territories[TERRITORIES_MAX + 1];
 };
 
 static enum status sweep_job(void *user, uint64_t job, unsigned worker)
@@ -416,30 +442,55 @@ static void account_for(struct collapse *c, const struct territory *t)
     c->held_back |= t->held_back;
 }
 
+/* Into how many runs of vertices a sweep is cut; 0: it is too small. No run may take more than its
+ * part of the faces still to go, which is about twice what it will take. */
+static uint64_t count_territories(const struct collapse *c, uint64_t most_faces)
+{
+    uint64_t count = c->vertex_slots / TERRITORY_VERTICES;
+    count = count > TERRITORIES_MIN ? count : TERRITORIES_MIN;
+    count = count < TERRITORIES_MAX ? count : TERRITORIES_MAX;
+    const bool is_large = c->vertex_slots >= count * TERRITORY_VERTICES_LEAST &&
+                          c->live_faces - most_faces >= count * TERRITORY_FACES_LEAST;
+    return c->options.together && is_large ? count : 0;
+}
+
+/* Works in all runs at once; `halves` is 1 when they are shifted by half a run. */
+static enum status sweep_runs(struct shared_sweep *shared, uint64_t count, uint64_t halves,
+                              uint64_t most_faces)
+{
+    struct collapse *c = shared->collapse;
+    const uint64_t runs = count + halves, slots = c->vertex_slots;
+    const uint64_t most_taken = (c->live_faces - most_faces) / runs;
+    for (uint64_t i = 0, first = 0; i < runs; i++) {
+        const uint64_t end = i + 1 < runs ? slots * (2 * (i + 1) - halves) / (2 * count) : slots;
+        shared->territories[i] =
+            (struct territory){.first = (uint32_t)first,
+                               .end = (uint32_t)end,
+                               .most_taken = most_taken > 0 ? most_taken - 1 : 0};
+        first = end;
+    }
+    enum status status = parallel_for(c->ctx, runs, sweep_job, shared);
+    for (uint64_t i = 0; i < runs; i++)
+        account_for(c, &shared->territories[i]);
+    return status;
+}
+
 /*
  * Cuts the vertices into equal runs of numbers, which do not depend on the threads, and works in
  * all of them at once. An edge is collapsed only where the rings of both its ends lie in one run:
  * then whatever it reads or writes belongs to vertices of that run alone. The others keep their
- * keys and are left to be done afterwards. No run takes more than its part of the faces still to
- * go.
+ * keys; what lies between two runs is in the middle of one when they are shifted by half their
+ * length, and the little that is left then is to be done afterwards.
  */
-static enum status sweep_together(struct collapse *c, float threshold, uint64_t most_faces)
+static enum status sweep_together(struct collapse *c, float threshold, uint64_t count,
+                                  uint64_t most_faces)
 {
     struct shared_sweep shared = {.collapse = c, .threshold = threshold};
-    uint64_t count = c->vertex_slots / TERRITORY_VERTICES;
-    count = count < TERRITORIES_MAX ? count : TERRITORIES_MAX;
-    for (uint64_t i = 0; i < count; i++)
-        shared.territories[i] =
-            (struct territory){.first = (uint32_t)(c->vertex_slots * i / count),
-                               .end = (uint32_t)(c->vertex_slots * (i + 1) / count),
-                               .most_taken = (c->live_faces - most_faces) / (2 * count)};
-    enum status status = parallel_for(c->ctx, count, sweep_job, &shared);
-    for (uint64_t i = 0; i < count; i++)
-        account_for(c, &shared.territories[i]);
-    return status;
+    enum status status = sweep_runs(&shared, count, 0, most_faces);
+    return status == STATUS_OK ? sweep_runs(&shared, count, 1, most_faces) : status;
 }
 
-enum status sweep(struct collapse *c, float threshold, uint64_t wanted, uint64_t most_faces)
+enum status sweep(struct collapse *c, float threshold, uint64_t most_faces)
 {
     enum status status = STATUS_OK;
     if (c->error_count > 0) {
@@ -450,9 +501,9 @@ enum status sweep(struct collapse *c, float threshold, uint64_t wanted, uint64_t
     }
     c->error_sum = 0;
     c->error_count = 0;
-    if (c->options.together && c->vertex_slots >= 2 * TERRITORY_VERTICES &&
-        wanted < (c->live_faces - most_faces) / 2)
-        status = sweep_together(c, threshold, most_faces);
+    const uint64_t territories = count_territories(c, most_faces);
+    if (territories > 0)
+        status = sweep_together(c, threshold, territories, most_faces);
     struct territory whole = {.end = (uint32_t)c->vertex_slots,
                               .most_taken = c->live_faces - most_faces};
     if (status == STATUS_OK)

@@ -31,6 +31,10 @@ enum { JOIN_WIDTH = 8 };
  * noisy million-face scan and the dragon 4 to 10 make no difference to the means; with 3 the mean
  * at 3,500 faces is 5 % larger and the largest distance half.) */
 static const double SLACK[4] = {10, 4, 7, 10};
+/* A joined node that has not more than so many times what it is to be left with stays as it is, by
+ * effort: taking it up would cost more than what the next node has to do less. The root's memory is
+ * counted with ten times the finest level. */
+static const double NEARLY[4] = {1, 1.25, 1.25, 1};
 /* A block is collapsed up to this part of the finest level's error. */
 static const double ERROR_PART = 0.5;
 /* Chain tolerance as a part of the mean edge of the finest level, and of the finest error. */
@@ -93,9 +97,10 @@ static enum status thin_node(struct lod *lod, uint32_t node)
     uint32_t *sources = NULL, *places = NULL;
     const size_t vertices = (size_t)mesh->triangles.vertex_count;
     const double part = (double)lod->weights[node] / (double)(lod->info->patches + 1);
-    const double slack = SLACK[lod->collapse.effort < 3 ? lod->collapse.effort : 3];
-    double wanted = lod->finest_faces ? slack * part * (double)lod->finest_faces : 0;
-    if ((double)mesh->triangles.face_count <= wanted || lod->node_count == 1)
+    const uint32_t effort = lod->collapse.effort < 3 ? lod->collapse.effort : 3;
+    double wanted = lod->finest_faces ? SLACK[effort] * part * (double)lod->finest_faces : 0;
+    const double enough = lod->span > 1 ? NEARLY[effort] * wanted : wanted;
+    if ((double)mesh->triangles.face_count <= enough || lod->node_count == 1)
         return STATUS_OK;
     options.keep_guards = true; /* the root has more to choose from */
     options.roughly = !(lod->finest_error < INFINITY);
@@ -261,6 +266,8 @@ static enum status make_level(struct lod *lod, struct collapse *collapse, uint32
     struct mesh mesh;
     enum status status = collapse_run(collapse, level->wanted_faces, lod_error_bound(level));
     if (status == STATUS_OK)
+        status = collapse_error(collapse, &level->error);
+    if (status == STATUS_OK)
         status = collapse_extract(collapse, &mesh, NULL);
     if (status != STATUS_OK)
         return status;
@@ -270,7 +277,6 @@ static enum status make_level(struct lod *lod, struct collapse *collapse, uint32
     mesh.attributes = lod->info->attributes;
     level->vertices = mesh.vertex_count;
     level->faces = mesh.face_count;
-    level->error = collapse_error(collapse);
     level->reason = lod_stop_reason(level, collapse_exhausted(collapse));
     status = lod_output_mesh(lod->ctx, lod->options, index, &mesh);
     mesh_clear(lod->ctx, &mesh);

@@ -1,0 +1,288 @@
+/*
+ * The largest distance between the surface and the reference, which is the error that is reported.
+ *
+ * Looking up every point in a tree of boxes would take as long as the collapses. Nearly all points
+ * are nearer than the largest distance, though, and the sooner that is known the less there is to
+ * look for: so a few suspects are measured before all else, then pieces of the mesh, side by side,
+ * each beginning with the suspects' largest. A vertex whose noted offset is small, and an edge in a
+ * plane, are not looked at; a point of the reference belongs to a vertex, and mostly the faces
+ * there are near enough. Only where they are not, nor those that are found by going from vertex to
+ * vertex (the way may end on one side of a thin wall, or on another component), all faces are
+ * looked through, by the boxes of runs of them. A tree like the reference's would not have the
+ * room.
+ */
+#include <math.h>
+
+#include "base/memory.h"
+#include "base/parallel.h"
+#include "collapse_internal.h"
+#include "geom/distance.h"
+
+/* A vertex whose noted offset is below this part of the largest error is not measured. */
+static const double NOTED_LEAST = 0.3;
+
+enum {
+    PIECES = 32,
+    RUN = 32 /* faces of a box, and boxes of a larger one */
+};
+
+/* ---- all faces ---- */
+
+struct box {
+    float low[3], high[3];
+};
+
+/* Boxes of RUN faces each, in the order of their numbers, and of RUN of these. */
+struct boxes {
+    struct box *of_faces, *of_boxes;
+    size_t face_runs, box_runs;
+};
+
+static const struct box EMPTY_BOX = {{INFINITY, INFINITY, INFINITY},
+                                     {-INFINITY, -INFINITY, -INFINITY}};
+
+static void widen(struct box *box, const float low[3], const float high[3])
+{
+    for (int k = 0; k < 3; k++) {
+        box->low[k] = low[k] < box->low[k] ? low[k] : box->low[k];
+        box->high[k] = high[k] > box->high[k] ? high[k] : box->high[k];
+    }
+}
+
+static void boxes_release(struct context *ctx, struct boxes *boxes)
+{
+    memory_release(ctx, &boxes->of_boxes, boxes->box_runs, sizeof *boxes->of_boxes);
+    memory_release(ctx, &boxes->of_faces, boxes->face_runs, sizeof *boxes->of_faces);
+}
+
+static enum status boxes_build(const struct collapse *c, struct boxes *boxes)
+{
+    boxes->face_runs = (size_t)(c->face_slots + RUN - 1) / RUN;
+    boxes->box_runs = (boxes->face_runs + RUN - 1) / RUN;
+    enum status status =
+        memory_take(c->ctx, boxes->face_runs, sizeof *boxes->of_faces, &boxes->of_faces);
+    if (status == STATUS_OK)
+        status = memory_take(c->ctx, boxes->box_runs, sizeof *boxes->of_boxes, &boxes->of_boxes);
+    if (status != STATUS_OK)
+        return status;
+    for (size_t i = 0; i < boxes->face_runs; i++)
+        boxes->of_faces[i] = EMPTY_BOX;
+    for (size_t i = 0; i < boxes->box_runs; i++)
+        boxes->of_boxes[i] = EMPTY_BOX;
+    for (size_t i = 0; i < 3 * (size_t)c->face_slots; i++)
+        if (c->corners[i].end != NO_INDEX) {
+            const float *at = c->vertices[c->corners[i].end].position;
+            widen(&boxes->of_faces[i / (3 * RUN)], at, at);
+        }
+    for (size_t i = 0; i < boxes->face_runs; i++)
+        widen(&boxes->of_boxes[i / RUN], boxes->of_faces[i].low, boxes->of_faces[i].high);
+    return STATUS_OK;
+}
+
+static double box_square(const struct box *box, const double p[3])
+{
+    double sum = 0;
+    for (int k = 0; k < 3; k++) {
+        const double left = (double)box->low[k] - p[k], right = p[k] - (double)box->high[k];
+        const double apart = left > right ? left : right;
+        sum += apart > 0 ? apart * apart : 0;
+    }
+    return sum;
+}
+
+/* The least of `square` and the squared distances of p from the faces of one run. */
+static double search_run(const struct collapse *c, size_t run, struct vec3 p, double square)
+{
+    const size_t end = (run + 1) * RUN < (size_t)c->face_slots ? (run + 1) * RUN : c->face_slots;
+    for (size_t f = run * RUN; f < end; f++) {
+        const struct collapse_corner *corner = c->corners + 3 * f;
+        if (corner[0].end == NO_INDEX)
+            continue;
+        const struct triangle triangle = {vec3_load_float(c->vertices[corner[0].end].position),
+                                          vec3_load_float(c->vertices[corner[1].end].position),
+                                          vec3_load_float(c->vertices[corner[2].end].position)};
+        const double here = triangle_distance_squared(p, &triangle, NULL);
+        square = here < square ? here : square;
+    }
+    return square;
+}
+
+/* The least of `square` and the squared distances of p from all faces; below `enough` it need not
+ * be exact. */
+static double search_all(const struct collapse *c, const struct boxes *boxes, struct vec3 p,
+                         double square, double enough)
+{
+    const double at[3] = {p.x, p.y, p.z};
+    for (size_t i = 0; i < boxes->box_runs; i++) {
+        if (!(box_square(&boxes->of_boxes[i], at) < square))
+            continue;
+        const size_t end = (i + 1) * RUN < boxes->face_runs ? (i + 1) * RUN : boxes->face_runs;
+        for (size_t run = i * RUN; run < end; run++)
+            if (box_square(&boxes->of_faces[run], at) < square) {
+                square = search_run(c, run, p, square);
+                if (square <= enough)
+                    return square;
+            }
+    }
+    return square;
+}
+
+/* A piece of the mesh, which one job measures. */
+struct piece {
+    uint32_t first_vertex, end_vertex;
+    uint32_t first_face, end_face;
+    double largest;
+};
+
+struct measuring {
+    const struct collapse *collapse;
+    struct boxes boxes;
+    struct piece pieces[PIECES];
+};
+
+/* ---- from the surface to the reference ---- */
+
+/* The point's distance from the reference if it is more than `largest`, else `largest`. */
+static double larger_distance(const struct collapse *c, const float at[3], double largest)
+{
+    struct nearest nearest = {INFINITY, UINT32_MAX, {0, 0, 0}};
+    const struct vec3 p = vec3_load_float(at);
+    if (bvh_is_near(&c->reference.tree, p, largest * largest))
+        return largest;
+    bvh_nearest(&c->reference.tree, p, &nearest);
+    return sqrt(nearest.distance_squared);
+}
+
+/* Whether the faces at an edge are apart by more than `height` at one of its ends' sides: an edge
+ * in a plane is as near as the faces' other edges. */
+static bool is_bent(const struct collapse *c, uint32_t corner, double height)
+{
+    const uint32_t across = corner_opposite(c, corner);
+    if (across == NO_INDEX || (c->vertices[c->corners[corner].end].flags &
+                               c->vertices[corner_vertex(c, corner)].flags & VERTEX_BORDER))
+        return true;
+    const struct vec3 a = vec3_load_float(c->vertices[corner_vertex(c, corner)].position);
+    const struct vec3 edge =
+        vec3_sub(vec3_load_float(c->vertices[c->corners[corner].end].position), a);
+    const struct vec3 left =
+        vec3_sub(vec3_load_float(c->vertices[c->corners[corner_next(corner)].end].position), a);
+    const struct vec3 right =
+        vec3_sub(vec3_load_float(c->vertices[c->corners[corner_next(across)].end].position), a);
+    const struct vec3 n = vec3_cross(edge, left), m = vec3_cross(right, edge);
+    if (vec3_dot(n, m) <= 0)
+        return true;
+    const double least = height * height;
+    const double of_right = vec3_dot(n, right), of_left = vec3_dot(m, left);
+    return of_right * of_right > least * vec3_length_squared(n) ||
+           of_left * of_left > least * vec3_length_squared(m);
+}
+
+static void measure_surface(const struct collapse *c, struct piece *piece)
+{
+    for (uint32_t v = piece->first_vertex; v < piece->end_vertex; v++)
+        if (c->vertices[v].corner != NO_INDEX &&
+            fabs((double)offset_get(c, v)) > NOTED_LEAST * piece->largest)
+            piece->largest = larger_distance(c, c->vertices[v].position, piece->largest);
+    for (uint32_t i = 3 * piece->first_face; i < 3 * piece->end_face; i++) {
+        const uint32_t to = c->corners[i].end;
+        if (to == NO_INDEX || (corner_opposite(c, i) < i && corner_opposite(c, i) != NO_INDEX) ||
+            !is_bent(c, i, piece->largest))
+            continue;
+        const float *a = c->vertices[to].position, *b = c->vertices[corner_vertex(c, i)].position;
+        const float middle[3] = {(a[0] + b[0]) / 2, (a[1] + b[1]) / 2, (a[2] + b[2]) / 2};
+        piece->largest = larger_distance(c, middle, piece->largest);
+    }
+}
+
+/* ---- from the reference to the surface ---- */
+
+/* Makes the piece's largest distance that of p, a point of the original at v, if that is more. */
+static void measure_point(const struct measuring *measuring, uint32_t v,
+                          const struct vertex_look *look, struct vec3 p, struct piece *piece)
+{
+    const struct collapse *c = measuring->collapse;
+    const float place[3] = {(float)p.x, (float)p.y, (float)p.z};
+    const double enough = piece->largest * piece->largest;
+    double square = (double)vertex_square(c, v, look, place, (float)enough);
+    if (!(square < INFINITY) || square <= enough)
+        return;
+    square = search_all(c, &measuring->boxes, p, square, enough);
+    piece->largest = fmax(piece->largest, sqrt(square));
+}
+
+static struct vec3 witness_place(const struct collapse *c, uint32_t v)
+{
+    float offset[3];
+    witness_get(c, v, offset);
+    return vec3_add(vec3_load_float(c->vertices[v].position), vec3_load_float(offset));
+}
+
+static void measure_points(const struct measuring *measuring, struct piece *piece)
+{
+    const struct collapse *c = measuring->collapse;
+    const struct reference *r = &c->reference;
+    struct vertex_look look;
+    for (uint32_t v = piece->first_vertex; v < piece->end_vertex; v++) {
+        if (c->vertices[v].corner == NO_INDEX)
+            continue;
+        vertex_look_freely(c, v, &look);
+        measure_point(measuring, v, &look, witness_place(c, v), piece);
+        uint32_t u = v, count = 0;
+        do {
+            measure_point(measuring, v, &look, vec3_load(r->positions + 3 * (size_t)u), piece);
+            u = r->next[u];
+        } while (u != v && ++count < REFERENCE_POINTS_MAX);
+    }
+}
+
+static enum status measure_piece(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct measuring *measuring = user;
+    measure_surface(measuring->collapse, &measuring->pieces[job]);
+    measure_points(measuring, &measuring->pieces[job]);
+    return STATUS_OK;
+}
+
+/* The vertex of the piece that has most to tell, by what is noted of it; NO_INDEX: none is left. */
+static uint32_t find_suspect(const struct collapse *c, const struct piece *piece)
+{
+    uint32_t suspect = NO_INDEX;
+    double most = -1;
+    for (uint32_t v = piece->first_vertex; v < piece->end_vertex; v++) {
+        const double noted = fabs((double)offset_get(c, v));
+        if (c->vertices[v].corner == NO_INDEX || noted <= most)
+            continue;
+        most = noted;
+        suspect = v;
+    }
+    return suspect;
+}
+
+/* ---- both ---- */
+
+enum status reference_error(const struct collapse *c, double *error)
+{
+    struct measuring measuring = {.collapse = c};
+    double largest = c->typical_error;
+    for (uint32_t i = 0; i < PIECES; i++) {
+        struct piece *piece = &measuring.pieces[i];
+        piece->first_vertex = (uint32_t)(c->vertex_slots * i / PIECES);
+        piece->end_vertex = (uint32_t)(c->vertex_slots * (i + 1) / PIECES);
+        piece->first_face = (uint32_t)(c->face_slots * i / PIECES);
+        piece->end_face = (uint32_t)(c->face_slots * (i + 1) / PIECES);
+        const uint32_t suspect = find_suspect(c, piece);
+        if (suspect != NO_INDEX)
+            largest = larger_distance(c, c->vertices[suspect].position, largest);
+    }
+    for (uint32_t i = 0; i < PIECES; i++)
+        measuring.pieces[i].largest = largest;
+    enum status status = boxes_build(c, &measuring.boxes);
+    if (status == STATUS_OK)
+        status = parallel_for(c->ctx, PIECES, measure_piece, &measuring);
+    for (uint32_t i = 0; i < PIECES; i++)
+        largest = fmax(largest, measuring.pieces[i].largest);
+    boxes_release(c->ctx, &measuring.boxes);
+    *error = largest;
+    return status;
+}
