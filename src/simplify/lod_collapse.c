@@ -56,6 +56,7 @@ struct lod {
     struct small_mesh *nodes;       /* of one stage of the tree */
     uint64_t *weights;              /* patches below each node */
     uint64_t *built;                /* faces of each block's mesh at first */
+    double lost;                    /* of the blocks' meshes, the largest */
     uint32_t node_count;
     uint32_t span; /* slabs below a node */
 };
@@ -201,10 +202,13 @@ static enum status make_leaves(struct lod *lod)
         if (status != STATUS_OK)
             return status;
         lod->report->small_faces = 0;
-        for (uint32_t i = 0; i < lod->node_count; i++)
+        lod->lost = 0;
+        for (uint32_t i = 0; i < lod->node_count; i++) {
             lod->report->small_faces += lod->built[i];
+            lod->lost = fmax(lod->lost, lod->nodes[i].lost);
+        }
         const double enough = 1.5 * (double)lod->finest_faces;
-        if ((double)lod->report->small_faces >= enough || lod->tolerance <= 0)
+        if ((double)lod->report->small_faces >= enough || lod->lost <= 0)
             return STATUS_OK;
         lod->tolerance = lod->tolerance > 1e-12 * sqrt(lod->info->area) ? lod->tolerance / 8 : 0;
         clear_nodes(lod);
@@ -267,6 +271,7 @@ static enum status make_level(struct lod *lod, struct collapse *collapse, uint32
     enum status status = collapse_run(collapse, level->wanted_faces, lod_error_bound(level));
     if (status == STATUS_OK)
         status = collapse_error(collapse, &level->error);
+    level->error = fmax(level->error, lod->lost);
     if (status == STATUS_OK)
         status = collapse_extract(collapse, &mesh, NULL);
     if (status != STATUS_OK)

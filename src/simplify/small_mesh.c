@@ -42,6 +42,7 @@ struct builder {
     struct small_workspace *space;
     const struct chain_block *block;
     double tolerance;
+    double lost;          /* largest error of what was left out within it */
     uint32_t chain_total; /* chains, then seam chains */
     uint32_t use_count;
     uint32_t *use_first; /* a patch, and one more */
@@ -99,6 +100,9 @@ static bool on_seam(const struct builder *b, uint32_t v)
 
 /* ---- which chain vertices are kept ---- */
 
+/* Of the tolerance, for borders: they are few, and what they lose no collapse can give back. */
+static const double BORDER_PART = 0.0625;
+
 static struct chain_metric metric_of(const struct builder *b, uint32_t chain)
 {
     if (is_seam(b, chain) || b->block->chains[chain].right == NO_PATCH)
@@ -119,12 +123,16 @@ static void cut_chain(struct builder *b, uint32_t chain)
         memcpy(b->line + 3 * (size_t)i, b->block->positions + 3 * (size_t)chain_vertex(b, chain, i),
                3 * sizeof(float));
     const struct chain_metric metric = metric_of(b, chain);
+    const bool is_border = !is_seam(b, chain) && b->block->chains[chain].right == NO_PATCH;
+    const double tolerance = b->tolerance * (is_border ? BORDER_PART : 1);
     chain_errors(b->line, length, HALVING_TOP_DOWN, &metric, b->line_errors);
     uint32_t kept = 0, worst = length / 2;
     for (uint32_t i = 1; i + 1 < length; i++) {
-        if ((double)b->line_errors[i] > b->tolerance) {
+        if ((double)b->line_errors[i] > tolerance) {
             b->keep[chain_vertex(b, chain, i)] = 1;
             kept++;
+        } else {
+            b->lost = fmax(b->lost, (double)b->line_errors[i]);
         }
         if (b->line_errors[i] > b->line_errors[worst])
             worst = i;
@@ -410,9 +418,12 @@ static bool own_diagonal_allowed(void *user, uint32_t i, uint32_t j)
  * from `first` on, which are the patch's. */
 static void note_witness(struct builder *b, const struct patch *patch, uint32_t first)
 {
-    if (patch->interior_count == 0 || !((double)patch->deviation > b->tolerance) ||
-        b->keep[patch->interior_first])
+    if (patch->interior_count == 0 || b->keep[patch->interior_first])
         return;
+    if (!((double)patch->deviation > b->tolerance)) {
+        b->lost = fmax(b->lost, (double)patch->deviation);
+        return;
+    }
     const float *positions = b->block->positions;
     const struct vec3 witness = vec3_load_float(positions + 3 * (size_t)patch->interior_first);
     const uint32_t *nearest = NULL;
@@ -670,6 +681,7 @@ enum status small_mesh_build(struct context *ctx, struct small_workspace *space,
     }
     if (status != STATUS_OK)
         small_mesh_clear(ctx, stride, mesh);
+    mesh->lost = b.lost;
     release_arrays(&b);
     return status;
 }
