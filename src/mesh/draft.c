@@ -14,6 +14,7 @@ void draft_init(struct context *ctx, struct draft *draft, const char *beside, un
     memset(draft, 0, sizeof *draft);
     draft->ctx = ctx;
     draft->slab_shift = slab_shift ? slab_shift : SLAB_SHIFT;
+    draft->index_limit = mesh_limit;
     room_divide(ctx, &draft->room, beside, draft->slab_shift, working_memory);
 }
 

@@ -36,6 +36,7 @@ struct draft {
     struct context *ctx;
     struct room room;
     unsigned slab_shift;
+    uint64_t index_limit; /* most vertices */
 
     uint64_t vertex_count; /* that are used */
     uint64_t face_count;

@@ -525,10 +525,10 @@ static enum status open_numbering(struct draft *draft, uint64_t id_count, bool e
 {
     struct numbering *n;
     *out = NULL;
-    if (id_count > (uint64_t)UINT32_MAX - 1)
+    if (id_count > draft->index_limit)
         return fail(draft->ctx, STATUS_BAD_INPUT,
-                    "the mesh has %llu vertices; a store holds at most 4294967294",
-                    (unsigned long long)id_count);
+                    "the mesh has %llu vertices; a store holds at most %llu",
+                    (unsigned long long)id_count, (unsigned long long)draft->index_limit);
     enum status status = memory_take_zeroed(draft->ctx, 1, sizeof *n, &n);
     if (status != STATUS_OK)
         return status;

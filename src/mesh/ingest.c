@@ -19,8 +19,6 @@
 
 enum { BATCH = 4096, POLYGON_STEP = 1 << 16 };
 
-static const uint64_t index_limit = (uint64_t)UINT32_MAX - 1; /* counts go up to 2^32 - 2 */
-
 enum { GROWING_SPOOLS = 4 };
 
 static void begin_spool(const struct ingest *ingest, struct spool *spool)
@@ -34,6 +32,7 @@ void ingest_init(struct context *ctx, struct ingest *ingest, const struct room *
     memset(ingest, 0, sizeof *ingest);
     ingest->ctx = ctx;
     ingest->room = room;
+    ingest->index_limit = mesh_limit;
     ingest->double_first = UINT64_MAX;
     begin_spool(ingest, &ingest->float_spool);
     begin_spool(ingest, &ingest->double_spool);
@@ -102,9 +101,10 @@ static enum status sink_vertices(void *user, size_t count, const float *floats,
 {
     struct ingest *ingest = user;
     struct ingest_input *input = current(ingest);
-    if (count > index_limit || ingest->vertex_count + count > index_limit)
+    if (count > ingest->index_limit || ingest->vertex_count + count > ingest->index_limit)
         return fail(ingest->ctx, STATUS_BAD_INPUT,
-                    "%s: more than 4294967294 vertices, which is the limit of a mesh", input->name);
+                    "%s: more than %llu vertices, which is the limit of a mesh", input->name,
+                    (unsigned long long)ingest->index_limit);
     enum status status;
     if (doubles) {
         if (ingest->double_first == UINT64_MAX)
@@ -136,27 +136,28 @@ static enum status watch_indices(struct ingest *ingest, uint64_t face, const uin
         largest = indices[i] > largest ? indices[i] : largest;
     if (count == 0 || largest < input->vertex_count || largest < ingest->needed_vertices)
         return STATUS_OK;
-    const bool is_beyond = input->vertex_first + largest >= index_limit;
+    const bool is_beyond = input->vertex_first + largest >= ingest->index_limit;
     size_t at = 0; /* the first one beyond, whatever runs the faces come in */
-    while (is_beyond ? input->vertex_first + indices[at] < index_limit : indices[at] != largest)
+    while (is_beyond ? input->vertex_first + indices[at] < ingest->index_limit
+                     : indices[at] != largest)
         at++;
     ingest->needed_vertices = (uint64_t)largest + 1;
     ingest->largest_face = face + at / corners;
     if (is_beyond)
         return fail(ingest->ctx, STATUS_BAD_INPUT,
-                    "%s: face %llu names vertex %lu, beyond the limit of 4294967294 vertices",
+                    "%s: face %llu names vertex %lu, beyond the limit of %llu vertices",
                     input->name, (unsigned long long)ingest->largest_face,
-                    (unsigned long)indices[at]);
+                    (unsigned long)indices[at], (unsigned long long)ingest->index_limit);
     return STATUS_OK;
 }
 
 static enum status count_faces(struct ingest *ingest, uint64_t triangles)
 {
     ingest->face_count += triangles;
-    if (ingest->face_count > index_limit)
+    if (ingest->face_count > ingest->index_limit)
         return fail(ingest->ctx, STATUS_BAD_INPUT,
-                    "%s: more than 4294967294 triangles, which is the limit of a mesh",
-                    current(ingest)->name);
+                    "%s: more than %llu triangles, which is the limit of a mesh",
+                    current(ingest)->name, (unsigned long long)ingest->index_limit);
     return STATUS_OK;
 }
 

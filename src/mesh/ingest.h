@@ -47,7 +47,8 @@ struct ingest {
                                  of the vertices when it came, 0: none was */
     uint64_t largest_face;    /* the file's number of the face that has it */
 
-    uint64_t credible; /* bytes of memory that the current input's claims are believed for */
+    uint64_t index_limit; /* most vertices, and most triangles */
+    uint64_t credible;    /* bytes of memory that the current input's claims are believed for */
     uint64_t vertex_count;
     uint64_t input_faces;   /* as the files have them */
     uint64_t polygon_faces; /* triangles that polygons gave */

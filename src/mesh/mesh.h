@@ -27,6 +27,9 @@ enum scalar_type { /* the order is part of both file formats */
     SCALAR_FLOAT64
 };
 
+/* The most vertices, and the most faces, that a mesh can have: UINT32_MAX is no vertex. */
+static const uint64_t mesh_limit = (uint64_t)UINT32_MAX - 1;
+
 enum { ATTRIBUTE_NAME_MAX = 63, ATTRIBUTE_MAX = 64 };
 
 struct attribute {

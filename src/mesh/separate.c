@@ -139,11 +139,11 @@ enum status separate_fans(struct draft *draft, struct survey *survey, struct adj
                           uint64_t *split, uint64_t *added)
 {
     const uint64_t count = survey->fan_count, base = draft->vertex_count;
-    if (base + count > (uint64_t)UINT32_MAX - 1)
+    if (base + count > draft->index_limit)
         return fail(draft->ctx, STATUS_BAD_INPUT,
                     "separating non-manifold vertices gives %llu of them; a store holds at most "
-                    "4294967294",
-                    (unsigned long long)(base + count));
+                    "%llu",
+                    (unsigned long long)(base + count), (unsigned long long)draft->index_limit);
     void *data;
     struct spool copy_spool = {0};
     uint32_t *copy_of = NULL;

@@ -137,6 +137,7 @@ struct import_options {
     unsigned slab_shift; /* for tests: slabs of 2^slab_shift faces, 2 to SLAB_SHIFT; 0: SLAB_SHIFT */
     uint64_t working_memory; /* for tests: bytes for tables, sorts and spools together, in place of
                                 what the budget leaves for them; 0: not */
+    uint64_t index_limit;    /* for tests: the most vertices and faces; 0: mesh_limit */
 };
 
 /*

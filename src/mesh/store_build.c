@@ -129,6 +129,7 @@ static enum status read_inputs(struct build *build)
 {
     enum status status = STATUS_OK;
     ingest_init(build->ctx, &build->ingest, &build->draft.room);
+    build->ingest.index_limit = build->draft.index_limit;
     if (!build->options->weld)
         build->ingest.taker = (struct ingest_taker){build, take_triangles};
     if (build->feed)
@@ -384,6 +385,8 @@ static enum status build_store(struct build *build, const char *store_path, stru
                     "import needs a memory budget of at least %llu bytes",
                     (unsigned long long)(least + build->ctx->memory_aside));
     draft_init(build->ctx, &build->draft, store_path, shift, build->options->working_memory);
+    if (build->options->index_limit)
+        build->draft.index_limit = build->options->index_limit;
     enum status status = run(build, store_path);
     number_drop(&build->numbering);
     draft_clear(&build->draft);

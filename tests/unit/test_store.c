@@ -458,6 +458,81 @@ static void zero_area_faces_stay(void **state)
     built_free(&b);
 }
 
+/* ---- the limit of vertices and faces ---- */
+
+/* With no more than `most` vertices and faces, `said` is what it ends with; NULL: it succeeds. */
+static void limit_to(uint64_t most, const char *const *paths, size_t count, const char *said)
+{
+    const char *output = test_path("limit.store");
+    struct context ctx;
+    context_init(&ctx);
+    remove(output);
+    const struct import_options options = {.index_limit = most};
+    enum status status = store_build(&ctx, paths, count, output, &options, NULL);
+    assert_int_equal(status, said ? STATUS_BAD_INPUT : STATUS_OK);
+    FILE *file = fopen(output, "rb");
+    assert_true((file != NULL) == (said == NULL));
+    if (file)
+        fclose(file);
+    if (said && !strstr(ctx.error, said))
+        fail_msg("%s, not %s", ctx.error, said);
+    assert_null(strchr(ctx.error, '\n'));
+    context_clear(&ctx);
+}
+
+/* 42 vertices and 80 faces; a soup has a vertex a corner until it is welded. */
+static void what_exceeds_the_limit_is_refused(void **state)
+{
+    (void)state;
+    static const struct {
+        enum shape_format format;
+        const char *name;
+        bool is_soup;
+    } inputs[] = {{SHAPE_PLY_LITTLE, "l.ply", false}, {SHAPE_PLY_BIG, "b.ply", false},
+                  {SHAPE_PLY_ASCII, "a.ply", false},  {SHAPE_OBJ, "a.obj", false},
+                  {SHAPE_OFF, "a.off", false},        {SHAPE_STL_BINARY, "b.stl", true},
+                  {SHAPE_STL_ASCII, "a.stl", true}};
+    struct shape shape = shape_icosphere(1);
+    for (size_t i = 0; i < sizeof inputs / sizeof *inputs; i++) {
+        const char *path = test_path(inputs[i].name);
+        const char *twice[2] = {path, path};
+        shape_write(&shape, inputs[i].format, path);
+        if (inputs[i].is_soup) {
+            limit_to(240, &path, 1, NULL);
+            limit_to(239, &path, 1, "more than 239 vertices");
+            limit_to(479, twice, 2, "more than 479 vertices");
+        } else {
+            limit_to(80, &path, 1, NULL);
+            limit_to(79, &path, 1, "more than 79 triangles");
+            limit_to(159, twice, 2, "more than 159 triangles");
+            limit_to(41, &path, 1, "41 vertices");
+        }
+    }
+    shape_free(&shape);
+}
+
+/* Triangles that polygons give count, and so do vertices that separating gives. */
+static void what_grows_beyond_the_limit_is_refused(void **state)
+{
+    (void)state;
+    const char *path = test_path("g.ply");
+    struct shape cube = shape_cube_quads(), star = {0};
+    shape_write(&cube, SHAPE_PLY_LITTLE, path);
+    shape_free(&cube);
+    limit_to(12, &path, 1, NULL);
+    limit_to(11, &path, 1, "more than 11 triangles");
+    enum { POINTS = 5 };
+    const uint32_t middle = shape_vertex(&star, 0, 0, 0);
+    for (uint32_t i = 0; i < POINTS; i++) {
+        const uint32_t a = shape_vertex(&star, 1, i, 0), b = shape_vertex(&star, 1, i + 0.5, 0);
+        shape_triangle(&star, middle, a, b);
+    }
+    shape_write(&star, SHAPE_PLY_LITTLE, path);
+    shape_free(&star);
+    limit_to(3 * POINTS, &path, 1, NULL);
+    limit_to(3 * POINTS - 1, &path, 1, "separating non-manifold vertices gives 15");
+}
+
 /* ---- determinism ---- */
 
 /* Slabs of 2^shift faces of the mesh in t.ply, by several threads and within several budgets. */
@@ -575,6 +650,8 @@ int main(void)
         cmocka_unit_test(sizes_that_float32_cannot_hold_are_refused),
         cmocka_unit_test(measures_of_a_known_mesh),
         cmocka_unit_test(zero_area_faces_stay),
+        cmocka_unit_test(what_exceeds_the_limit_is_refused),
+        cmocka_unit_test(what_grows_beyond_the_limit_is_refused),
         cmocka_unit_test(threads_and_budgets_change_no_byte),
         cmocka_unit_test(seams_beside_the_neighbours_change_no_byte),
         cmocka_unit_test(too_little_memory_is_refused_at_once),
