@@ -91,6 +91,9 @@ enum status spool_append(struct spool *spool, const void *data, size_t size) MUS
  * faults. `size` is what will come, or a guess: too little does no harm, too much is given back at
  * the sealing. */
 enum status spool_reserve(struct spool *spool, uint64_t size) MUST_CHECK;
+/* Appends `size` bytes at once, for the caller to fill in before he does anything else with the
+ * spool, if they may be in memory; else nothing, and *room is NULL. */
+enum status spool_extend(struct spool *spool, uint64_t size, void **room) MUST_CHECK;
 /* Ends the appending. *data is valid until spool_clear, and may be written to (a private change
  * of an in-memory spool, a shared one of a file). `*data` is never NULL, even for size 0. */
 enum status spool_seal(struct spool *spool, void **data) MUST_CHECK;

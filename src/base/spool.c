@@ -137,6 +137,22 @@ enum status spool_reserve(struct spool *spool, uint64_t size)
     return status;
 }
 
+enum status spool_extend(struct spool *spool, uint64_t size, void **room)
+{
+    uint64_t new_size;
+    *room = NULL;
+    if (spool->fd >= 0 || spool->is_sealed || add_overflows(spool->size, size, &new_size) ||
+        new_size > spool->memory_limit)
+        return STATUS_OK;
+    enum status status = spool_reserve(spool, new_size);
+    if (status == STATUS_OK && new_size <= spool->capacity) {
+        *room = spool->memory + spool->used;
+        spool->used += (size_t)size;
+        spool->size = new_size;
+    }
+    return status;
+}
+
 enum status spool_set_private(struct spool *spool, bool is_private)
 {
     if (!spool->map)

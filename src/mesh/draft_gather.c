@@ -1,5 +1,6 @@
 /*
- * Vertex data in a new order, and corners by a table: two walks that look up much.
+ * Vertex data in a new order, and corners by a table: two walks that look up much. Where all of it
+ * is in memory, the first is done by all threads, each some vertices at a time.
  */
 #include "mesh/draft.h"
 
@@ -7,11 +8,16 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/parallel.h"
 #include "mesh/lookup.h"
 
-enum { BATCH_BYTES = 16 << 10 };
+enum { BATCH_BYTES = 16 << 10, JOB_SIZE = 1 << 16, IN_FLIGHT_MAX = 16 };
 
 /* ---- vertex data ---- */
+
+struct box {
+    double low[3], high[3];
+};
 
 struct gathering { /* of one array */
     struct draft *draft;
@@ -27,6 +33,12 @@ struct gathering { /* of one array */
     bool finds_box;
     _Alignas(8) unsigned char batch[BATCH_BYTES];
     size_t used;
+
+    /* in memory */
+    const unsigned char *from;
+    unsigned char *place;
+    unsigned in_flight;
+    struct box boxes[IN_FLIGHT_MAX];
 };
 
 static inline uint32_t old_vertex(struct gathering *g, uint64_t v)
@@ -38,30 +50,39 @@ static inline uint32_t old_vertex(struct gathering *g, uint64_t v)
     return g->copy_of[id - g->base_count];
 }
 
-/* Of the positions in the batch. */
-static void widen_box(struct gathering *g)
+static void empty_box(double low[3], double high[3])
 {
-    struct draft *draft = g->draft;
-    const size_t count = g->used / draft_position_size(draft);
+    for (int i = 0; i < 3; i++) {
+        low[i] = INFINITY;
+        high[i] = -INFINITY;
+    }
+}
+
+/* So that it holds `count` positions, too; of equal ones (0 and -0) the first stays. */
+static void widen_box(const void *positions, size_t count, bool is_float32, double box_low[3],
+                      double box_high[3])
+{
     double low[3], high[3], p[3];
-    memcpy(low, draft->box_low, sizeof low);
-    memcpy(high, draft->box_high, sizeof high);
+    memcpy(low, box_low, sizeof low);
+    memcpy(high, box_high, sizeof high);
     for (size_t v = 0; v < count; v++) {
-        position_at(g->batch, draft->is_float32, v, p);
+        position_at(positions, is_float32, v, p);
         for (int i = 0; i < 3; i++) {
             low[i] = p[i] < low[i] ? p[i] : low[i];
             high[i] = p[i] > high[i] ? p[i] : high[i];
         }
     }
-    memcpy(draft->box_low, low, sizeof low);
-    memcpy(draft->box_high, high, sizeof high);
+    memcpy(box_low, low, sizeof low);
+    memcpy(box_high, high, sizeof high);
 }
 
 static enum status flush(struct gathering *g)
 {
+    struct draft *draft = g->draft;
     size_t used = g->used;
     if (g->finds_box)
-        widen_box(g);
+        widen_box(g->batch, used / draft_position_size(draft), draft->is_float32, draft->box_low,
+                  draft->box_high);
     g->used = 0;
     return spool_append(&g->to, g->batch, used);
 }
@@ -113,6 +134,64 @@ static enum status gather_by_buckets(struct gathering *g)
     return status;
 }
 
+/* ---- in memory ---- */
+
+static enum status gather_some(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct gathering *g = user;
+    const uint64_t first = job * JOB_SIZE, left = g->next_count - first;
+    const size_t count = left < JOB_SIZE ? (size_t)left : JOB_SIZE, size = g->size;
+    const uint32_t *ids = g->ids + first;
+    unsigned char *to = g->place + first * size;
+    if (size == 3 * sizeof(float))
+        for (size_t v = 0; v < count; v++)
+            memcpy(to + 12 * v, g->from + 12 * (size_t)ids[v], 12);
+    else
+        for (size_t v = 0; v < count; v++)
+            memcpy(to + size * v, g->from + size * ids[v], size);
+    if (g->finds_box) {
+        struct box *box = &g->boxes[job % g->in_flight];
+        empty_box(box->low, box->high);
+        widen_box(to, count, g->draft->is_float32, box->low, box->high);
+    }
+    return STATUS_OK;
+}
+
+static enum status add_box(void *user, uint64_t job)
+{
+    struct gathering *g = user;
+    struct draft *draft = g->draft;
+    const struct box *box = &g->boxes[job % g->in_flight];
+    for (int i = 0; i < 3 && g->finds_box; i++) {
+        if (box->low[i] < draft->box_low[i])
+            draft->box_low[i] = box->low[i];
+        if (box->high[i] > draft->box_high[i])
+            draft->box_high[i] = box->high[i];
+    }
+    return STATUS_OK;
+}
+
+/* Everything at once, if all of it is in memory. */
+static enum status gather_in_memory(struct gathering *g, const struct spool *spool,
+                                    const void *data, bool *is_done)
+{
+    struct context *ctx = g->draft->ctx;
+    void *place;
+    *is_done = false;
+    if (spool->map || g->id_spool->map || g->copy_of)
+        return STATUS_OK;
+    enum status status = spool_extend(&g->to, g->next_count * g->size, &place);
+    if (status != STATUS_OK || !place)
+        return status;
+    g->from = data;
+    g->place = place;
+    g->in_flight = ctx->threads + 1 < IN_FLIGHT_MAX ? ctx->threads + 1 : IN_FLIGHT_MAX;
+    *is_done = true;
+    return parallel_ordered(ctx, (g->next_count + JOB_SIZE - 1) / JOB_SIZE, g->in_flight,
+                            gather_some, add_box, g);
+}
+
 /* The array in `spool` takes the new order. */
 static enum status gather_array(struct gathering *g, struct spool *spool, void *data, size_t size,
                                 void **result)
@@ -122,10 +201,12 @@ static enum status gather_array(struct gathering *g, struct spool *spool, void *
     g->size = size;
     g->used = 0;
     spool_init(draft->ctx, &g->to, draft->room.beside, room_spool_limit(&draft->room, 3));
-    enum status status = spool_reserve(&g->to, g->next_count * size);
-    if (status == STATUS_OK)
+    enum status status = gather_in_memory(g, spool, data, &is_done);
+    if (status == STATUS_OK && !is_done)
+        status = spool_reserve(&g->to, g->next_count * size);
+    if (status == STATUS_OK && !is_done)
         status = lookup_open(&draft->room, &g->lookup, spool, data, size, spool->size / size);
-    if (status == STATUS_OK)
+    if (status == STATUS_OK && !is_done)
         status = gather_now(g, &is_done);
     if (status == STATUS_OK && !is_done) {
         spool_clear(&g->to);
@@ -168,10 +249,8 @@ enum status draft_gather(struct draft *draft, const struct spool *id_spool, cons
             visits_begin(&draft->room, &g->copy_visits, copy_spool, room_left(&draft->room) / 8);
     void *data;
     g->finds_box = !draft->has_box;
-    for (int i = 0; i < 3 && g->finds_box; i++) {
-        draft->box_low[i] = INFINITY;
-        draft->box_high[i] = -INFINITY;
-    }
+    if (g->finds_box)
+        empty_box(draft->box_low, draft->box_high);
     if (status == STATUS_OK)
         status = gather_array(g, &draft->position_spool, draft->positions,
                               draft_position_size(draft), &data);
