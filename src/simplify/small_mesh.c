@@ -49,6 +49,7 @@ struct builder {
     uint32_t *uses;      /* chain << 1 | walked from its end */
     unsigned char *keep; /* a vertex: it is in the mesh */
     unsigned char *full; /* a chain: 1 when all its vertices were given back */
+    float *dropped;      /* a chain: the largest error of what is not kept of it */
     uint32_t *heads;     /* a vertex: its first entry */
     size_t heads_count;
     struct edge_entry *entries;
@@ -132,7 +133,7 @@ static void cut_chain(struct builder *b, uint32_t chain)
             b->keep[chain_vertex(b, chain, i)] = 1;
             kept++;
         } else {
-            b->lost = fmax(b->lost, (double)b->line_errors[i]);
+            b->dropped[chain] = fmaxf(b->dropped[chain], b->line_errors[i]);
         }
         if (b->line_errors[i] > b->line_errors[worst])
             worst = i;
@@ -152,6 +153,7 @@ static void give_back(struct builder *b, uint32_t chain)
     for (uint32_t i = 0; i < chain_length(b, chain); i++)
         b->keep[chain_vertex(b, chain, i)] = 1;
     b->full[chain] = 1;
+    b->dropped[chain] = 0;
 }
 
 /* ---- the table of edges ---- */
@@ -251,6 +253,8 @@ static enum status cut_chains(struct builder *b)
         if (status != STATUS_OK)
             return status;
     }
+    for (uint32_t chain = 0; chain < b->chain_total; chain++)
+        b->lost = fmax(b->lost, (double)b->dropped[chain]);
     return STATUS_OK;
 }
 
@@ -415,15 +419,14 @@ static bool own_diagonal_allowed(void *user, uint32_t i, uint32_t j)
 }
 
 /* The patch's farthest inner vertex, when it matters, becomes a witness at the nearest of the faces
- * from `first` on, which are the patch's. */
+ * from `first` on, which are the patch's; else it counts as lost. */
 static void note_witness(struct builder *b, const struct patch *patch, uint32_t first)
 {
     if (patch->interior_count == 0 || b->keep[patch->interior_first])
         return;
-    if (!((double)patch->deviation > b->tolerance)) {
-        b->lost = fmax(b->lost, (double)patch->deviation);
+    const bool matters = (double)patch->deviation > b->tolerance;
+    if (!matters && (double)patch->deviation <= b->lost)
         return;
-    }
     const float *positions = b->block->positions;
     const struct vec3 witness = vec3_load_float(positions + 3 * (size_t)patch->interior_first);
     const uint32_t *nearest = NULL;
@@ -439,7 +442,9 @@ static void note_witness(struct builder *b, const struct patch *patch, uint32_t 
             nearest = face;
         }
     }
-    for (int k = 0; nearest && k < 3; k++)
+    if (!matters && nearest)
+        b->lost = fmax(b->lost, fmin(sqrt(least), (double)patch->deviation));
+    for (int k = 0; matters && nearest && k < 3; k++)
         if (patch->deviation > b->errors[nearest[k]]) {
             b->errors[nearest[k]] = patch->deviation;
             b->witnesses[nearest[k]] = patch->interior_first;
@@ -611,6 +616,8 @@ static enum status take_arrays(struct builder *b)
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, b->chain_total, 1, &b->full);
     if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, b->chain_total, sizeof *b->dropped, &b->dropped);
+    if (status == STATUS_OK)
         status = memory_take(ctx, vertices, sizeof *b->heads, &b->heads);
     b->heads_count = b->heads ? vertices : 0;
     if (status == STATUS_OK)
@@ -647,6 +654,7 @@ static void release_arrays(struct builder *b)
     memory_release(ctx, &b->errors, vertices, sizeof *b->errors);
     memory_release(ctx, &b->heads, b->heads_count, sizeof *b->heads);
     memory_release(ctx, &b->copies, b->copy_capacity, sizeof *b->copies);
+    memory_release(ctx, &b->dropped, b->chain_total, sizeof *b->dropped);
     memory_release(ctx, &b->full, b->chain_total, 1);
     memory_release(ctx, &b->keep, vertices, 1);
     memory_release(ctx, &b->uses, b->use_count, sizeof *b->uses);
