@@ -35,15 +35,17 @@ static uint64_t read_limit(const char *path)
     return got == 1 ? value : UINT64_MAX;
 }
 
-/* The strictest limit of the group `path` under `root` and of those above it. */
-static uint64_t group_limit(const char *root, const char *path, const char *name)
+/* The strictest limit of the group `path` in the hierarchy mounted at root/mount, and of those
+ * above it. */
+static uint64_t group_limit(const char *root, const char *mount, const char *path, const char *name)
 {
-    char group[PATH_MAX], file[2 * PATH_MAX];
+    char group[PATH_MAX], file[3 * PATH_MAX];
     uint64_t least = UINT64_MAX;
-    snprintf(group, sizeof group, "%s", path);
+    snprintf(group, sizeof group, "%s", strcmp(path, "/") == 0 ? "" : path);
     for (;;) {
-        snprintf(file, sizeof file, "%s%s/%s", root, strcmp(group, "/") == 0 ? "" : group, name);
-        uint64_t value = read_limit(file);
+        const int length = snprintf(file, sizeof file, "%s%s%s/%s", root, mount, group, name);
+        const uint64_t value =
+            length > 0 && (size_t)length < sizeof file ? read_limit(file) : UINT64_MAX;
         if (value < least)
             least = value;
         char *slash = strrchr(group, '/');
@@ -53,28 +55,49 @@ static uint64_t group_limit(const char *root, const char *path, const char *name
     }
 }
 
-/* Our own control groups: lines "number:controllers:path". */
-static uint64_t control_group_memory(void)
+/* Whether the list "cpu,cpuacct" has this name. */
+static bool has_name(const char *list, const char *name)
 {
-    FILE *file = fopen("/proc/self/cgroup", "re");
-    char line[PATH_MAX + 128];
+    const size_t length = strlen(name);
+    for (;;) {
+        const size_t part = strcspn(list, ",");
+        if (part == length && memcmp(list, name, length) == 0)
+            return true;
+        if (list[part] == '\0')
+            return false;
+        list += part + 1;
+    }
+}
+
+/* What the line "number:controllers:path" of /proc/self/cgroup leads to. Version 2 has no
+ * controllers there; in a hybrid system its groups don't limit memory, and have no such files. */
+static uint64_t limit_of_line(const char *root, char *line)
+{
+    line[strcspn(line, "\n")] = '\0';
+    char *controllers = strchr(line, ':');
+    char *path = controllers ? strchr(controllers + 1, ':') : NULL;
+    if (!path)
+        return UINT64_MAX;
+    *path++ = '\0';
+    controllers++;
+    if (*controllers == '\0') {
+        const uint64_t most = group_limit(root, "/sys/fs/cgroup", path, "memory.max");
+        const uint64_t high = group_limit(root, "/sys/fs/cgroup", path, "memory.high");
+        return high < most ? high : most; /* above it the group is slowed down */
+    }
+    if (has_name(controllers, "memory"))
+        return group_limit(root, "/sys/fs/cgroup/memory", path, "memory.limit_in_bytes");
+    return UINT64_MAX;
+}
+
+uint64_t limits_of_groups(const char *root)
+{
+    char name[2 * PATH_MAX], line[PATH_MAX + 128];
     uint64_t least = UINT64_MAX;
+    snprintf(name, sizeof name, "%s/proc/self/cgroup", root);
+    FILE *file = fopen(name, "re");
     while (file && fgets(line, sizeof line, file)) {
-        line[strcspn(line, "\n")] = '\0';
-        char *controllers = strchr(line, ':');
-        char *path = controllers ? strchr(controllers + 1, ':') : NULL;
-        if (!path)
-            continue;
-        *path++ = '\0';
-        controllers++;
-        uint64_t value = UINT64_MAX;
-        if (*controllers == '\0') {
-            uint64_t high = group_limit("/sys/fs/cgroup", path, "memory.high");
-            value = group_limit("/sys/fs/cgroup", path, "memory.max");
-            value = high < value ? high : value; /* above it the group is slowed down */
-        } else if (strcmp(controllers, "memory") == 0) {
-            value = group_limit("/sys/fs/cgroup/memory", path, "memory.limit_in_bytes");
-        }
+        const uint64_t value = limit_of_line(root, line);
         if (value < least)
             least = value;
     }
@@ -100,7 +123,7 @@ static void find_memory(struct limits *limits)
     if (sysinfo(&info) == 0)
         lower(&memory, &limits->memory_from, (uint64_t)info.totalram * info.mem_unit,
               "half of the machine's memory");
-    lower(&memory, &limits->memory_from, control_group_memory(),
+    lower(&memory, &limits->memory_from, limits_of_groups(""),
           "half of the control group's memory");
     uint64_t megabytes = from_environment("SLURM_MEM_PER_NODE");
     if (megabytes < UINT64_MAX >> 20)

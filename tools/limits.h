@@ -19,4 +19,8 @@ struct limits {
  * on, SLURM_CPUS_PER_TASK and OMP_NUM_THREADS. */
 void limits_find(struct limits *limits);
 
+/* The strictest memory limit of this process's control groups, as the system under the folder
+ * `root` tells it ("" for the real one): bytes, UINT64_MAX where there is none. */
+uint64_t limits_of_groups(const char *root);
+
 #endif
