@@ -21,6 +21,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/lanes.h"
 #include "base/memory.h"
 
 /* A triangle while the tree is built: the centre of its box, in box coordinates. */
@@ -258,6 +259,7 @@ enum status bvh_build(struct context *ctx, const double *positions, const uint32
 {
     memset(bvh, 0, sizeof *bvh);
     bvh->count = count;
+    bvh->level = cpu_level(ctx);
     bvh->positions = positions;
     bvh->faces = faces;
     lay_out(bvh);
@@ -328,20 +330,18 @@ static struct query query_of(const struct bvh *bvh, struct vec3 low, struct vec3
 }
 
 /* Squared distances between the query's box and the node's eight. */
-static inline void box_distances(const struct bvh_node *restrict node,
-                                 const struct query *restrict query, float *restrict distances)
+LANES_INLINE void box_distances(const struct bvh_node *node, const struct query *query,
+                                float distances[BVH_WIDTH])
 {
-    float sum[BVH_WIDTH] = {0};
+    float8 sum = lanes_all(0);
     for (unsigned k = 0; k < 3; k++) {
-        for (unsigned i = 0; i < BVH_WIDTH; i++) {
-            float left = node->low[k][i] - query->high[k];
-            float right = query->low[k] - node->high[k][i];
-            float apart = left > right ? left : right;
-            apart = apart > 0 ? apart : 0;
-            sum[i] += apart * apart;
-        }
+        const float8 left = lanes_load(node->low[k]) - lanes_all(query->high[k]);
+        const float8 right = lanes_all(query->low[k]) - lanes_load(node->high[k]);
+        const float8 either = lanes_choose(left > right, left, right);
+        const float8 apart = lanes_where(either > 0, either);
+        sum += apart * apart;
     }
-    memcpy(distances, sum, sizeof sum);
+    lanes_store(distances, sum);
 }
 
 struct pending {
@@ -375,7 +375,8 @@ static float bound_of(const struct bvh *bvh, double distance_squared)
 }
 
 /* bvh_nearest; a triangle within `enough` (squared) ends the search. */
-static void search(const struct bvh *bvh, struct vec3 p, double enough, struct nearest *nearest)
+LANES_INLINE void search_in_lanes(const struct bvh *bvh, struct vec3 p, double enough,
+                                  struct nearest *nearest)
 {
     struct query query = query_of(bvh, p, p);
     float bound = bound_of(bvh, nearest->distance_squared);
@@ -413,6 +414,26 @@ static void search(const struct bvh *bvh, struct vec3 p, double enough, struct n
             }
         }
     }
+}
+
+static void search_scalar(const struct bvh *bvh, struct vec3 p, double enough,
+                          struct nearest *nearest)
+{
+    search_in_lanes(bvh, p, enough, nearest);
+}
+
+LANES_AVX2 static void search_avx2(const struct bvh *bvh, struct vec3 p, double enough,
+                                   struct nearest *nearest)
+{
+    search_in_lanes(bvh, p, enough, nearest);
+}
+
+static void search(const struct bvh *bvh, struct vec3 p, double enough, struct nearest *nearest)
+{
+    if (bvh->level >= CPU_AVX2)
+        search_avx2(bvh, p, enough, nearest);
+    else
+        search_scalar(bvh, p, enough, nearest);
 }
 
 void bvh_nearest(const struct bvh *bvh, struct vec3 p, struct nearest *nearest)

@@ -11,6 +11,7 @@
 
 #include <stdint.h>
 
+#include "base/cpu.h"
 #include "base/report.h"
 #include "geom/distance.h"
 
@@ -23,6 +24,7 @@ struct bvh_node {
 };
 
 struct bvh {
+    enum cpu_level level;
     uint32_t count;         /* of triangles */
     uint32_t *order;        /* their numbers, in tree order: neighbours in space are close */
     struct bvh_node *nodes; /* level 0 (over triangles) first, the root last */

@@ -12,6 +12,9 @@
  *   stays: of the corners in it, the one farthest from the diagonal is not convex, so that it is
  * not cut. So the heap's top is the best ear there is at any time.
  * - The blocking corners are found in a point_tree (or by a plain loop while n is small).
+ * - A simple loop of few corners, which is what patches give, needs no heap: the best ear is found
+ *   by looking at all keys. What is no ear is never compared there: as soon as none is left, the
+ *   rest is given back.
  *
  * In a simple loop a proper ear is always left (two-ears theorem; an ear without area is never
  * proper, and a rest with area always has another). In other loops, corners far above or below the
@@ -30,12 +33,14 @@
 
 enum { LOOP_SEARCH_MAX = 48 }; /* corners up to which blocking ones are searched by a plain loop */
 
+enum { HEAPLESS_MAX = 24 }; /* corners up to which the best is searched by one */
+
 enum kind { KIND_EAR, KIND_BLOCKED, KIND_REFLEX, KIND_FLAT, KIND_FORBIDDEN };
 
 struct clipper {
     const struct ear_input *input;
     const struct grid_point *points;
-    bool is_simple, has_tree;
+    bool is_simple, has_tree, has_heap;
     struct point_tree tree;
     uint32_t count; /* corners of the rest */
     uint32_t *previous, *next;
@@ -91,17 +96,36 @@ static void sift_down(struct clipper *clipper, uint32_t place)
 
 static void heap_move(struct clipper *clipper, uint32_t corner)
 {
+    if (!clipper->has_heap)
+        return;
     sift_up(clipper, clipper->place[corner]);
     sift_down(clipper, clipper->place[corner]);
 }
 
 static void heap_remove(struct clipper *clipper, uint32_t corner)
 {
+    if (!clipper->has_heap) {
+        clipper->count--;
+        clipper->key[corner] = INFINITY;
+        return;
+    }
     uint32_t place = clipper->place[corner], last = clipper->heap[--clipper->count];
+    clipper->key[corner] = INFINITY;
     if (last != corner) {
         heap_put(clipper, place, last);
         heap_move(clipper, last);
     }
+}
+
+/* The corner of the smallest key. */
+static uint32_t heap_top(const struct clipper *clipper)
+{
+    if (clipper->has_heap)
+        return clipper->heap[0];
+    uint32_t best = 0;
+    for (uint32_t i = 1; i < clipper->input->n; i++)
+        best = clipper->key[i] < clipper->key[best] ? i : best;
+    return best;
 }
 
 /* ---- tests ---- */
@@ -198,6 +222,10 @@ static void judge(struct clipper *clipper, uint32_t corner, int64_t turn)
 {
     struct ear ear = {clipper, clipper->previous[corner], corner, clipper->next[corner]};
     enum kind kind = kind_of(clipper, &ear, turn);
+    if (kind != KIND_EAR && !clipper->has_heap) {
+        clipper->key[corner] = 4.0 * (int)kind;
+        return;
+    }
     const struct grid_point *points = clipper->points;
     double openness = 1 - cosine_at(points[ear.a], points[ear.b], points[ear.c]);
     openness = openness < 0 ? 0 : openness > 2 ? 2 : openness; /* rounding may pass the ends */
@@ -252,6 +280,8 @@ static enum status set_up(struct context *ctx, struct scratch *scratch,
                                 .points = input->points,
                                 .is_simple = input->is_simple,
                                 .has_tree = has_tree,
+                                .has_heap = !input->is_simple || n > HEAPLESS_MAX ||
+                                            n > input->give_back_max,
                                 .count = input->n};
     clipper->key = (double *)(void *)block;
     clipper->previous = (uint32_t *)(void *)(block + 8 * n);
@@ -271,20 +301,20 @@ static enum status set_up(struct context *ctx, struct scratch *scratch,
     if (has_tree)
         point_tree_build(&clipper->tree, input->points, input->n, clipper->is_blocking,
                          scratch->block);
-    for (uint32_t i = 0; i < input->n; i++) {
+    for (uint32_t i = 0; i < input->n; i++)
         judge(clipper, i, turn_at(clipper, i));
+    for (uint32_t i = 0; i < input->n && clipper->has_heap; i++)
         heap_put(clipper, i, i);
-    }
-    for (uint32_t i = input->n / 2; i-- > 0;)
+    for (uint32_t i = input->n / 2; i-- > 0 && clipper->has_heap;)
         sift_down(clipper, i);
     return STATUS_OK;
 }
 
 static void hand_back(struct clipper *clipper, struct ear_result *result)
 {
-    uint32_t corner = clipper->heap[0], count = clipper->count;
-    for (uint32_t i = 1; i < count; i++)
-        corner = clipper->heap[i] < corner ? clipper->heap[i] : corner;
+    uint32_t corner = 0, count = clipper->count;
+    while (clipper->key[corner] == INFINITY)
+        corner++;
     result->rest = clipper->place; /* the heap is not needed any more */
     result->rest_count = count;
     for (uint32_t i = 0; i < count; i++) {
@@ -310,7 +340,7 @@ enum status cut_ears(struct context *ctx, struct scratch *scratch, const struct 
     if (status != STATUS_OK)
         return status;
     for (;;) {
-        uint32_t b = clipper.heap[0];
+        uint32_t b = heap_top(&clipper);
         uint32_t a = clipper.previous[b], c = clipper.next[b];
         if (!input->is_simple && clipper.count > 3 && is_outdated(&clipper, b))
             continue;

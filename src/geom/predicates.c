@@ -26,7 +26,10 @@ bool segments_cross(struct grid_point a, struct grid_point b, struct grid_point 
 bool segments_touch(struct grid_point a, struct grid_point b, struct grid_point c,
                     struct grid_point d)
 {
+    /* most pairs are told apart by the line of one of them */
     int64_t abc = orientation(a, b, c), abd = orientation(a, b, d);
+    if ((abc > 0 && abd > 0) || (abc < 0 && abd < 0))
+        return false;
     int64_t cda = orientation(c, d, a), cdb = orientation(c, d, b);
     if (have_different_signs(abc, abd) && have_different_signs(cda, cdb))
         return true;

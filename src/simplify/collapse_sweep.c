@@ -41,8 +41,11 @@ static const double REFUSED = 1.25;
 
 enum { KEYS_STRETCH = 4096 };
 
+/* (What is done roughly is done at the first pace: no finer order shows in the end.) */
 static const struct pace *pace_of(const struct collapse *c)
 {
+    if (c->options.roughly)
+        return &PACES[0];
     return &PACES[c->options.effort >= 3 ? 2 : c->options.effort == 2 ? 1 : 0];
 }
 
