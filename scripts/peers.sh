@@ -11,6 +11,7 @@ cd "$root/bench/peers"
 flags='-O3 -DNDEBUG'
 g++ $flags meshoptimizer.cpp -o "$out/meshoptimizer" -lmeshoptimizer
 g++ $flags -I/usr/include/eigen3 cgal.cpp -o "$out/cgal" -lgmp -lmpfr
+g++ $flags -I"$root/src" cgal_distance.cpp -o "$out/cgal_distance" -lgmp -lmpfr
 g++ $flags openmesh.cpp -o "$out/openmesh" -lOpenMeshCore -lOpenMeshTools
 g++ $flags -Wno-deprecated -I/usr/include/vtk-9.1 vtk.cpp -o "$out/vtk" -lvtkFiltersCore-9.1 \
     -lvtkCommonDataModel-9.1 -lvtkCommonExecutionModel-9.1 -lvtkCommonCore-9.1 -lvtksys-9.1
