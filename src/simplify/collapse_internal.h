@@ -77,8 +77,9 @@ struct collapse {
     bool held_back;       /* edges wait for a larger error bound */
     double error_bound;   /* of the present run */
     double typical_error; /* mean error of the last sweep's collapses; 0 before */
+    double astray;        /* edges wait whose error is so many times the typical one */
     double error_sum;     /* of the present sweep's */
-    uint64_t error_count;
+    uint64_t error_count, refused_count;
 
     struct collapse_corner *corners;
     struct collapse_vertex *vertices;
@@ -138,7 +139,8 @@ struct territory {
     uint32_t first, end;
     uint64_t most_taken, taken; /* faces that may be taken away, and were (one more is possible) */
     double error_sum;
-    uint64_t error_count;
+    uint64_t error_count;   /* collapses that were measured, and */
+    uint64_t refused_count; /* edges that wait because of their error */
     bool held_back;
 };
 

@@ -20,14 +20,23 @@ static const struct pace {
     float wait;  /* a vertex just moved is looked at again at so many times the threshold: its edges
                     are seldom cheaper */
 } PACES[] = {{0.7, 3}, {0.4, 3}, {0.3, 2}};
-/* An edge waits when its error would be more than so many times the last sweep's typical one. (Not
+/*
+ * An edge waits when its error would be more than so many times the last sweep's typical one. (Not
  * the present sweep's so far: on parts the first thousands of collapses cost nothing, and all that
- * have a price would wait.) With a reference less is let through, as what is only estimated to be
- * astray need not wait. */
+ * have a price would wait.) The largest distance in the end is about this bound, so the lower the
+ * better; but how low it can be differs: errors of a smooth shape lie close together, and where the
+ * bound is below nearly all of them, what is let through in the end is the worst. So with a
+ * reference the bound moves, sweep by sweep, to where REFUSED_SHARE of the tried edges wait.
+ * Without one it stays: estimates are not worth more.
+ */
 static const double ASTRAY = 2.5;
-static const double ASTRAY_MEASURED = 2;
+static const double ASTRAY_LEAST = 1.25;
+static const double REFUSED_SHARE = 0.5;
+static const double ASTRAY_PACE = 0.3;
 static const double ERROR_LEAST = 1e-3; /* mean edges */
-static const double USUAL_FIRST = 0.5;  /* of the first sweep, mean edges */
+/* Of the first sweep, mean edges: where nothing is thinned before, a mesh has far more faces than
+ * its level, and tips of borders must not go by its edges. */
+static const double USUAL_FIRST = 0.12;
 /* A sweep of fewer collapses than this part of the faces counts in proportion: the last ones before
  * a target are few and dear, and must not raise what is usual. */
 static const double TYPICAL_PART = 0.0625;
@@ -273,7 +282,7 @@ static double usual_error(const struct collapse *c)
         return USUAL_FIRST * edge;
     /* rounding on flat faces is no error to go by */
     const double typical = fmax(c->typical_error, ERROR_LEAST * edge);
-    return (c->reference.face_count > 0 ? ASTRAY_MEASURED : ASTRAY) * typical;
+    return c->astray * typical;
 }
 
 /* The error that a collapse is to be judged by. What the estimate finds harmless is believed; else
@@ -291,6 +300,13 @@ static double judge_error(const struct collapse *c, const struct edge_change *ch
     if (offset > bound)
         found->offset = found->offset < 0 ? -(float)bound : (float)bound;
     return fmin(error, bound);
+}
+
+/* Tips of borders have hardly a cost, so that errors are measured there even where others are not:
+ * a few edges. */
+static bool at_border(const struct collapse *c, const struct edge_change *change)
+{
+    return ((c->vertices[change->v].flags | c->vertices[change->w].flags) & VERTEX_BORDER) != 0;
 }
 
 /* Tries edge i of v. When it turned out dearer than the threshold its cost says so now. */
@@ -312,7 +328,8 @@ static enum trial try_edge(struct collapse *c, struct territory *t, uint32_t v,
         !edge_shape_allows(c, &change))
         return TRIAL_DEAR;
     const double usual = usual_error(c), bound = fmin(usual, c->error_bound);
-    if (c->options.roughly)
+    const bool guessed = c->options.roughly && !at_border(c, &change);
+    if (guessed)
         edge_guess_error(c, &change, &found);
     else
         edge_find_error(c, &change, fmin(c->typical_error, bound), bound, &found);
@@ -324,6 +341,7 @@ static enum trial try_edge(struct collapse *c, struct territory *t, uint32_t v,
     }
     const double dearer = error_price(error, usual);
     if (dearer > 1 && (double)edges->costs[i] * dearer > (double)threshold) {
+        t->refused_count++;
         edges->costs[i] *= (float)dearer;
         return TRIAL_DEAR;
     }
@@ -334,7 +352,7 @@ static enum trial try_edge(struct collapse *c, struct territory *t, uint32_t v,
     witness_set(c, kept, found.witness);
     offset_set(c, kept, found.offset);
     t->error_sum += error;
-    t->error_count++;
+    t->error_count += !guessed;
     reference_merge(c, kept, gone);
     c->keys[gone] = INFINITY;
     renew_keys(c, &change, kept, threshold);
@@ -442,6 +460,7 @@ static void account_for(struct collapse *c, const struct territory *t)
     c->live_faces -= t->taken;
     c->error_sum += t->error_sum;
     c->error_count += t->error_count;
+    c->refused_count += t->refused_count;
     c->held_back |= t->held_back;
 }
 
@@ -493,17 +512,31 @@ static enum status sweep_together(struct collapse *c, float threshold, uint64_t 
     return status == STATUS_OK ? sweep_runs(&shared, count, 1, most_faces) : status;
 }
 
-enum status sweep(struct collapse *c, float threshold, uint64_t most_faces)
+/* What the last sweep's errors say about the present one's. */
+static void learn_errors(struct collapse *c)
 {
-    enum status status = STATUS_OK;
     if (c->error_count > 0) {
         const double mean = c->error_sum / (double)c->error_count;
         const double enough = TYPICAL_PART * (double)c->live_faces;
         const double weight = c->typical_error > 0 ? fmin(1, (double)c->error_count / enough) : 1;
         c->typical_error += weight * (mean - c->typical_error);
     }
+    const uint64_t tried = c->error_count + c->refused_count;
+    if (c->reference.face_count == 0) {
+        c->astray = ASTRAY;
+    } else if (tried > 0) {
+        const double share = (double)c->refused_count / (double)tried;
+        c->astray *= 1 + ASTRAY_PACE * (share - REFUSED_SHARE);
+        c->astray = fmin(fmax(c->astray, ASTRAY_LEAST), ASTRAY);
+    }
     c->error_sum = 0;
-    c->error_count = 0;
+    c->error_count = c->refused_count = 0;
+}
+
+enum status sweep(struct collapse *c, float threshold, uint64_t most_faces)
+{
+    enum status status = STATUS_OK;
+    learn_errors(c);
     const uint64_t territories = count_territories(c, most_faces);
     if (territories > 0)
         status = sweep_together(c, threshold, territories, most_faces);
