@@ -44,6 +44,7 @@ void ingest_clear(struct ingest *ingest)
 {
     if (!ingest->ctx)
         return;
+    prefault_end(&ingest->prefault);
     for (size_t i = 0; i < ingest->input_count; i++)
         spool_clear(&ingest->inputs[i].record_spool);
     memory_release(ingest->ctx, &ingest->inputs, ingest->input_capacity, sizeof *ingest->inputs);
@@ -72,8 +73,10 @@ static enum status sink_begin(void *user, const struct attributes *attributes, b
     if (attributes)
         input->attributes = *attributes;
     input->is_soup = is_soup;
-    if (expected_faces <= ingest->credible / 12)
+    if (expected_faces <= ingest->credible / 12) {
+        input->expected_faces = expected_faces;
         status = spool_reserve(&ingest->face_spool, ingest->face_spool.size + 12 * expected_faces);
+    }
     if (expected_vertices <= ingest->credible / 12)
         input->expected_vertices = expected_vertices;
     return status;
@@ -96,6 +99,21 @@ static enum status append_as_doubles(struct ingest *ingest, size_t count, const 
     return STATUS_OK;
 }
 
+/* What is reserved for the current input will be filled to the end, or the input is refused. */
+static void add_reserved(struct prefault *prefault, const struct spool *spool, uint64_t expected)
+{
+    if (spool->fd < 0 && expected > 0 && spool->capacity >= spool->used + 12 * expected)
+        prefault_add(prefault, spool->memory + spool->used, (size_t)(12 * expected));
+}
+
+static void begin_prefault(struct ingest *ingest)
+{
+    const struct ingest_input *input = current(ingest);
+    add_reserved(&ingest->prefault, &ingest->float_spool, input->expected_vertices);
+    add_reserved(&ingest->prefault, &ingest->face_spool, input->expected_faces);
+    prefault_begin(ingest->ctx, &ingest->prefault);
+}
+
 static enum status sink_vertices(void *user, size_t count, const float *floats,
                                  const double *doubles, const unsigned char *records)
 {
@@ -115,6 +133,8 @@ static enum status sink_vertices(void *user, size_t count, const float *floats,
     } else {
         status = spool_reserve(&ingest->float_spool,
                                12 * (input->vertex_first + input->expected_vertices));
+        if (status == STATUS_OK && input->vertex_count == 0)
+            begin_prefault(ingest);
         if (status == STATUS_OK)
             status = spool_append(&ingest->float_spool, floats, 3 * count * sizeof *floats);
     }
@@ -272,6 +292,7 @@ enum status ingest_begin(struct ingest *ingest, const char *name, struct import_
 enum status ingest_end(struct ingest *ingest)
 {
     const struct ingest_input *input = current(ingest);
+    prefault_end(&ingest->prefault);
     if (ingest->needed_vertices > input->vertex_count)
         return fail(ingest->ctx, STATUS_BAD_INPUT,
                     "%s: face %llu names vertex %llu, but there are %llu vertices", input->name,

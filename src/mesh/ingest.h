@@ -6,6 +6,7 @@
 #define SPBM_MESH_INGEST_H
 
 #include "base/file.h"
+#include "base/prefault.h"
 #include "mesh/import.h"
 #include "mesh/mesh.h"
 #include "mesh/room.h"
@@ -15,6 +16,7 @@ struct ingest_input {
     uint64_t vertex_first;
     uint64_t vertex_count;
     uint64_t expected_vertices; /* as it claims; 0: unknown, or more than is credible */
+    uint64_t expected_faces;
     bool is_soup;
     struct attributes attributes;
     struct spool record_spool;
@@ -58,6 +60,7 @@ struct ingest {
     struct spool double_spool;
     struct spool face_spool;    /* 3 indices a triangle, offset by the inputs before */
     struct spool polygon_spool; /* struct ingest_polygon */
+    struct prefault prefault;   /* of what the current input's vertices and faces will fill */
 
     /* after ingest_finish */
     bool is_float32;

@@ -11,6 +11,7 @@
 #include "base/checksum.h"
 #include "base/cpu.h"
 #include "base/memory.h"
+#include "base/prefault.h"
 
 static int set_up(void **state)
 {
@@ -141,6 +142,33 @@ static void overflow_is_refused(void **state)
     assert_int_equal(capacity, 0);
     assert_null(block);
     assert_int_equal(ctx->failed, STATUS_NO_MEMORY);
+}
+
+/* While the block is written, when it is let go of at once, and when it is not there any more. */
+static void pages_got_ahead_change_no_byte(void **state)
+{
+    struct context *ctx = *state;
+    const size_t count = 3 << 20;
+    for (unsigned round = 0; round < 6; round++) {
+        struct prefault prefault = {0};
+        uint64_t *numbers;
+        assert_int_equal(memory_take(ctx, count, sizeof *numbers, &numbers), STATUS_OK);
+        ctx->threads = 1 + round % 2;
+        prefault_add(&prefault, numbers + count / 2, count / 2 * sizeof *numbers);
+        prefault_add(&prefault, (unsigned char *)numbers + 1, count / 2 * sizeof *numbers - 1);
+        if (round >= 4)
+            memory_release(ctx, &numbers, count, sizeof *numbers);
+        prefault_begin(ctx, &prefault);
+        assert_int_equal(prefault.is_running, ctx->threads > 1);
+        for (size_t i = 0; i < count && round < 2; i++)
+            numbers[i] = i * i;
+        prefault_end(&prefault);
+        prefault_end(&prefault);
+        for (size_t i = 0; i < count && round < 2; i++)
+            assert_int_equal(numbers[i], i * i);
+        memory_release(ctx, &numbers, count, sizeof *numbers);
+    }
+    ctx->threads = 1;
 }
 
 static void budget_holds(void **state)
@@ -364,6 +392,7 @@ int main(void)
         TEST(zeroed_is_zero),
         TEST(spares_are_used_again),
         TEST(overflow_is_refused),
+        TEST(pages_got_ahead_change_no_byte),
         TEST(budget_holds),
         TEST(reserve_is_content_with_less),
         TEST(reserve_grows_by_a_share),
