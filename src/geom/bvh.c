@@ -23,6 +23,7 @@
 
 #include "base/lanes.h"
 #include "base/memory.h"
+#include "base/parallel.h"
 
 /* A triangle while the tree is built: the centre of its box, in box coordinates. */
 struct centre {
@@ -38,9 +39,20 @@ enum { MEDIAN_SAMPLES = 255 };
 
 /* ---- building ---- */
 
+/* Of two numbers that are numbers; the library's are calls. */
+static inline double smaller(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+static inline double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
 static float centre_of(double a, double b, double c, double origin, double scale)
 {
-    double low = fmin(fmin(a, b), c), high = fmax(fmax(a, b), c);
+    double low = smaller(smaller(a, b), c), high = larger(larger(a, b), c);
     return (float)(((low - origin) + (high - origin)) * 0.5 * scale);
 }
 
@@ -71,9 +83,9 @@ static struct vec3 median_corner(const struct bvh *bvh)
 static double farther(double extent, const struct vec3 *corner, const struct vec3 *origin)
 {
     /* Halves first: the difference of two large coordinates must not overflow. */
-    extent = fmax(extent, fabs(corner->x * 0.5 - origin->x * 0.5));
-    extent = fmax(extent, fabs(corner->y * 0.5 - origin->y * 0.5));
-    return fmax(extent, fabs(corner->z * 0.5 - origin->z * 0.5));
+    extent = larger(extent, fabs(corner->x * 0.5 - origin->x * 0.5));
+    extent = larger(extent, fabs(corner->y * 0.5 - origin->y * 0.5));
+    return larger(extent, fabs(corner->z * 0.5 - origin->z * 0.5));
 }
 
 static void choose_frame(struct bvh *bvh)
@@ -161,17 +173,23 @@ static unsigned widest_axis(const struct centre *centres, size_t count)
     return high[2] - low[2] > high[axis] - low[axis] ? 2 : axis;
 }
 
-/* Puts the triangles of a subtree in order. The depth is at most 3 calls a level. */
-static void split(struct centre *centres, size_t count)
+/* Halves a range of more than BVH_WIDTH centres; returns how many come first. */
+static size_t halve(struct centre *centres, size_t count)
 {
     size_t unit = BVH_WIDTH;
     while (unit * BVH_WIDTH < count)
         unit *= BVH_WIDTH;
+    const size_t children = (count + unit - 1) / unit, first = children / 2 * unit;
+    select_centres(centres, count, first, widest_axis(centres, count));
+    return first;
+}
+
+/* Puts the triangles of a subtree in order. The depth is at most 3 calls a level. */
+static void split(struct centre *centres, size_t count)
+{
     if (count <= BVH_WIDTH)
         return;
-    size_t children = (count + unit - 1) / unit;
-    size_t first = children / 2 * unit;
-    select_centres(centres, count, first, widest_axis(centres, count));
+    const size_t first = halve(centres, count);
     split(centres, first);
     split(centres + first, count - first);
 }
@@ -204,9 +222,9 @@ static void empty_node(struct bvh_node *node)
     }
 }
 
-static void bound_triangles(struct bvh *bvh)
+static void bound_triangles(struct bvh *bvh, uint32_t first, uint32_t end)
 {
-    for (uint32_t i = 0; i < bvh->count; i++) {
+    for (uint32_t i = first; i < end; i++) {
         struct bvh_node *node = &bvh->nodes[i / BVH_WIDTH];
         unsigned place = i % BVH_WIDTH;
         struct triangle t = bvh_triangle(bvh, bvh->order[i]);
@@ -254,8 +272,87 @@ static void lay_out(struct bvh *bvh)
     }
 }
 
+/* ---- in several threads ---- */
+
+/* What is halved by one thread before several go on, and from how many triangles on. */
+enum { SHARED_DEPTH = 3, SHARED_MAX = 1 << SHARED_DEPTH, SHARED_LEAST = 1 << 14 };
+enum { STRETCH = 1 << 12 }; /* triangles, whole nodes */
+
+struct building {
+    struct bvh *bvh;
+    struct centre *centres;
+    size_t firsts[SHARED_MAX], counts[SHARED_MAX];
+    uint32_t ranges;
+};
+
+static void split_top(struct building *building, size_t first, size_t count, unsigned depth)
+{
+    if (depth == 0 || count < SHARED_LEAST / SHARED_MAX) {
+        building->firsts[building->ranges] = first;
+        building->counts[building->ranges++] = count;
+        return;
+    }
+    const size_t left = halve(building->centres + first, count);
+    split_top(building, first, left, depth - 1);
+    split_top(building, first + left, count - left, depth - 1);
+}
+
+static enum status split_range(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct building *building = user;
+    split(building->centres + building->firsts[job], building->counts[job]);
+    return STATUS_OK;
+}
+
+static uint32_t end_of_stretch(const struct bvh *bvh, uint64_t job)
+{
+    const uint64_t end = (job + 1) * STRETCH;
+    return end < bvh->count ? (uint32_t)end : bvh->count;
+}
+
+static enum status find_centres(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct building *building = user;
+    const struct bvh *bvh = building->bvh;
+    const struct vec3 *o = &bvh->origin;
+    for (uint32_t i = (uint32_t)(job * STRETCH); i < end_of_stretch(bvh, job); i++) {
+        struct triangle t = bvh_triangle(bvh, i);
+        building->centres[i] = (struct centre){{centre_of(t.a.x, t.b.x, t.c.x, o->x, bvh->scale),
+                                                centre_of(t.a.y, t.b.y, t.c.y, o->y, bvh->scale),
+                                                centre_of(t.a.z, t.b.z, t.c.z, o->z, bvh->scale)},
+                                               i};
+    }
+    return STATUS_OK;
+}
+
+static enum status fill_stretch(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct building *building = user;
+    struct bvh *bvh = building->bvh;
+    const uint32_t first = (uint32_t)(job * STRETCH), end = end_of_stretch(bvh, job);
+    for (uint32_t i = first; i < end; i++)
+        bvh->order[i] = building->centres[i].triangle;
+    bound_triangles(bvh, first, end);
+    return STATUS_OK;
+}
+
+/* All jobs, on threads of their own where there are enough triangles. */
+static enum status run_jobs(struct context *ctx, bool together, uint64_t jobs,
+                            enum status (*work)(void *user, uint64_t job, unsigned worker),
+                            struct building *building)
+{
+    if (together && building->bvh->count >= SHARED_LEAST)
+        return parallel_for(ctx, jobs, work, building);
+    for (uint64_t job = 0; job < jobs; job++)
+        (void)work(building, job, 0);
+    return STATUS_OK;
+}
+
 enum status bvh_build(struct context *ctx, const double *positions, const uint32_t *faces,
-                      uint32_t count, struct bvh *bvh)
+                      uint32_t count, bool together, struct bvh *bvh)
 {
     memset(bvh, 0, sizeof *bvh);
     bvh->count = count;
@@ -264,36 +361,31 @@ enum status bvh_build(struct context *ctx, const double *positions, const uint32
     bvh->faces = faces;
     lay_out(bvh);
 
-    struct centre *centres = NULL;
+    const uint64_t stretches = ((uint64_t)count + STRETCH - 1) / STRETCH;
+    struct building building = {.bvh = bvh};
     enum status status = memory_take(ctx, count, sizeof *bvh->order, &bvh->order);
     if (status == STATUS_OK)
         status = memory_take(ctx, bvh->node_count, sizeof *bvh->nodes, &bvh->nodes);
     if (status == STATUS_OK)
-        status = memory_take(ctx, count, sizeof *centres, &centres);
+        status = memory_take(ctx, count, sizeof *building.centres, &building.centres);
     if (status != STATUS_OK)
         goto out;
 
     choose_frame(bvh);
-    for (uint32_t i = 0; i < count; i++) {
-        struct triangle t = bvh_triangle(bvh, i);
-        const struct vec3 *o = &bvh->origin;
-        centres[i] = (struct centre){{centre_of(t.a.x, t.b.x, t.c.x, o->x, bvh->scale),
-                                      centre_of(t.a.y, t.b.y, t.c.y, o->y, bvh->scale),
-                                      centre_of(t.a.z, t.b.z, t.c.z, o->z, bvh->scale)},
-                                     i};
-    }
-    split(centres, count);
-    for (uint32_t i = 0; i < count; i++)
-        bvh->order[i] = centres[i].triangle;
-
     for (uint32_t i = 0; i < bvh->node_count; i++)
         empty_node(&bvh->nodes[i]);
-    bound_triangles(bvh);
-    for (uint32_t level = 1; level < bvh->level_count; level++)
+    status = run_jobs(ctx, together, stretches, find_centres, &building);
+    if (status == STATUS_OK) {
+        split_top(&building, 0, count, together ? SHARED_DEPTH : 0);
+        status = run_jobs(ctx, together, building.ranges, split_range, &building);
+    }
+    if (status == STATUS_OK)
+        status = run_jobs(ctx, together, stretches, fill_stretch, &building);
+    for (uint32_t level = 1; level < bvh->level_count && status == STATUS_OK; level++)
         bound_level(bvh, level);
 
 out:
-    memory_release(ctx, &centres, count, sizeof *centres);
+    memory_release(ctx, &building.centres, count, sizeof *building.centres);
     if (status != STATUS_OK)
         bvh_clear(ctx, bvh);
     return status;

@@ -40,9 +40,10 @@ struct bvh {
 
 /* Builds it over `count` triangles; `positions` and `faces` as in struct mesh (every index valid,
  * every coordinate finite), and must live as long. The same input gives the same tree. The memory
- * of the build, beyond the tree, is 16 bytes a triangle. */
+ * of the build, beyond the tree, is 16 bytes a triangle. `together`: all threads of the context may
+ * work on it. */
 enum status bvh_build(struct context *ctx, const double *positions, const uint32_t *faces,
-                      uint32_t count, struct bvh *bvh) MUST_CHECK;
+                      uint32_t count, bool together, struct bvh *bvh) MUST_CHECK;
 void bvh_clear(struct context *ctx, struct bvh *bvh);
 
 struct nearest {

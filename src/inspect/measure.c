@@ -19,8 +19,8 @@ static enum status set_up(struct comparison *comparison)
     const struct mesh *mesh = comparison->mesh;
     struct measurement *result = comparison->result;
     uint64_t pieces = original_piece_count(comparison->original);
-    enum status status =
-        bvh_build(ctx, mesh->positions, mesh->faces, (uint32_t)mesh->face_count, &comparison->tree);
+    enum status status = bvh_build(ctx, mesh->positions, mesh->faces, (uint32_t)mesh->face_count,
+                                   true, &comparison->tree);
     if (status == STATUS_OK)
         status = memory_take(ctx, (size_t)mesh->face_count, sizeof *comparison->anchors,
                              &comparison->anchors);

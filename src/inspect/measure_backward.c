@@ -287,7 +287,7 @@ static enum status backward_work(void *user, uint64_t job, unsigned worker)
             status = original_load(comparison->original, job, false, &slot->piece);
             if (status == STATUS_OK)
                 status = bvh_build(comparison->ctx, slot->piece.corners, NULL,
-                                   slot->piece.face_count, &slot->tree);
+                                   slot->piece.face_count, false, &slot->tree);
             is_loaded = true;
         }
         if (status == STATUS_OK)

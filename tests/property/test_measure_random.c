@@ -273,7 +273,7 @@ static void tree_finds_the_nearest(void **unused)
         shape_move(&shape, round % 3 == 0 ? 1e-20 : 1, far, -far, far);
         shape_into_mesh(&ctx, &shape, &mesh);
         assert_int_equal(
-            bvh_build(&ctx, mesh.positions, mesh.faces, (uint32_t)mesh.face_count, &tree),
+            bvh_build(&ctx, mesh.positions, mesh.faces, (uint32_t)mesh.face_count, true, &tree),
             STATUS_OK);
         for (int i = 0; i < 100; i++) {
             double reach = i % 10 == 0 ? 1e30 : i % 3 ? 2 : 0.1;
@@ -322,8 +322,9 @@ static void tree_bears_a_stray_vertex(void **unused)
     struct shape shape = shape_noisy_sphere(4, 0.02, 1);
     shape.positions[3 * 17] = 1e10;
     shape_into_mesh(&ctx, &shape, &mesh);
-    assert_int_equal(bvh_build(&ctx, mesh.positions, mesh.faces, (uint32_t)mesh.face_count, &tree),
-                     STATUS_OK);
+    assert_int_equal(
+        bvh_build(&ctx, mesh.positions, mesh.faces, (uint32_t)mesh.face_count, true, &tree),
+        STATUS_OK);
     for (int i = 0; i < 100; i++) {
         struct vec3 p = vec3_load(mesh.positions + 3 * random_below(&state, mesh.vertex_count));
         if (p.x > 1e9)

@@ -139,8 +139,9 @@ static void what_costs_nothing_goes_first(void **state)
         assert_int_equal(mesh_load(&ctx, input, &mesh), STATUS_OK);
         simplify(&ctx, &mesh, 324, effort, false, &out);
         assert_in_range(out.face_count, 323, 324);
-        assert_int_equal(bvh_build(&ctx, out.positions, out.faces, (uint32_t)out.face_count, &tree),
-                         STATUS_OK);
+        assert_int_equal(
+            bvh_build(&ctx, out.positions, out.faces, (uint32_t)out.face_count, false, &tree),
+            STATUS_OK);
         for (size_t v = 0; v < mesh.vertex_count; v++) {
             struct nearest nearest = {INFINITY, 0, {0, 0, 0}};
             bvh_nearest(&tree, vec3_load(mesh.positions + 3 * v), &nearest);
