@@ -5,7 +5,8 @@
  * depends only on the corner of a cell where the curve enters (8) and the axis along which it
  * leaves (3), so all of it fits a table of 24 by 8 steps, made here from the rules of C. Hamilton,
  * "Compact Hilbert Indices" (Dalhousie CS-2006-07, section 2): the octants of a cell are visited in
- * the order of a Gray code, and the entry and direction in each follow from its place.
+ * the order of a Gray code, and the entry and direction in each follow from its place. A look at
+ * the table waits for the one before, so that it has the steps two at a time, too.
  */
 #include "geom/space_curve.h"
 
@@ -62,6 +63,14 @@ void space_curve_init(struct space_curve *curve)
                 curve->step[corner * AXES + axis][octant] =
                     (uint8_t)((inner_corner * AXES + inner_axis) << 3 | place);
             }
+        }
+    }
+    for (unsigned from = 0; from < OCTANTS * AXES; from++) {
+        for (unsigned octants = 0; octants < OCTANTS * OCTANTS; octants++) {
+            const unsigned outer = curve->step[from][octants >> 3];
+            const unsigned inner = curve->step[outer >> 3][octants & 7];
+            curve->two_steps[from][octants] =
+                (uint16_t)((inner >> 3) << 6 | (outer & 7) << 3 | (inner & 7));
         }
     }
 }

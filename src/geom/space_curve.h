@@ -10,24 +10,46 @@
 enum { SPACE_CURVE_BITS_MAX = 21 };
 
 /* What the curve does in each of its 24 orientations: for each octant its place on the curve and
- * the orientation inside it (orientation << 3 | place). Made by space_curve_init. */
+ * the orientation inside it (orientation << 3 | place), and the same for each octant of an octant
+ * (orientation << 6 | places). Made by space_curve_init. */
 struct space_curve {
     uint8_t step[24][8];
+    uint16_t two_steps[24][64];
 };
 
 void space_curve_init(struct space_curve *curve);
+
+/* The 21 lower bits, each two zeros above the one before. */
+static inline uint64_t space_curve_spread(uint64_t bits)
+{
+    bits &= 0x1fffff;
+    bits = (bits | bits << 32) & 0x001f00000000ffffu;
+    bits = (bits | bits << 16) & 0x001f0000ff0000ffu;
+    bits = (bits | bits << 8) & 0x100f00f00f00f00fu;
+    bits = (bits | bits << 4) & 0x10c30c30c30c30c3u;
+    return (bits | bits << 2) & 0x1249249249249249u;
+}
 
 /* Number of the cell (x, y, z), each below 2^bits; bits at most SPACE_CURVE_BITS_MAX. */
 static inline uint64_t space_curve_key(const struct space_curve *curve, uint32_t x, uint32_t y,
                                        uint32_t z, unsigned bits)
 {
+    /* Octants in a row, the coarsest first; each step waits for the one before, so that two are
+     * taken as one. */
+    const uint64_t octants =
+        space_curve_spread(x) | space_curve_spread(y) << 1 | space_curve_spread(z) << 2;
     uint64_t key = 0;
     unsigned orientation = 0;
-    for (unsigned bit = bits; bit-- > 0;) {
-        unsigned octant = (x >> bit & 1) | (y >> bit & 1) << 1 | (z >> bit & 1) << 2;
-        unsigned step = curve->step[orientation][octant];
-        key = key << 3 | (step & 7);
+    if (bits & 1) {
+        const unsigned step = curve->step[0][octants >> 3 * --bits & 7];
+        key = step & 7;
         orientation = step >> 3;
+    }
+    while (bits > 0) {
+        bits -= 2;
+        const unsigned step = curve->two_steps[orientation][octants >> 3 * bits & 63];
+        key = key << 6 | (step & 63);
+        orientation = step >> 6;
     }
     return key;
 }
