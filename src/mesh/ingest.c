@@ -19,7 +19,7 @@
 
 enum { BATCH = 4096, POLYGON_STEP = 1 << 16 };
 
-enum { GROWING_SPOOLS = 4 };
+enum { GROWING_SPOOLS = 4, SOUP_CORNERS = 5 /* that a vertex has at least, most often */ };
 
 static void begin_spool(const struct ingest *ingest, struct spool *spool)
 {
@@ -54,6 +54,7 @@ void ingest_clear(struct ingest *ingest)
     spool_clear(&ingest->polygon_spool);
     spool_clear(&ingest->position_spool);
     spool_clear(&ingest->record_spool);
+    sieve_close(&ingest->sieve);
     memset(ingest, 0, sizeof *ingest);
 }
 
@@ -77,6 +78,8 @@ static enum status sink_begin(void *user, const struct attributes *attributes, b
         input->expected_faces = expected_faces;
         status = spool_reserve(&ingest->face_spool, ingest->face_spool.size + 12 * expected_faces);
     }
+    if (is_soup && ingest->sieve.ctx)
+        expected_vertices /= SOUP_CORNERS;
     if (expected_vertices <= ingest->credible / 12)
         input->expected_vertices = expected_vertices;
     return status;
@@ -99,6 +102,11 @@ static enum status append_as_doubles(struct ingest *ingest, size_t count, const 
     return STATUS_OK;
 }
 
+static bool is_sifted(struct ingest *ingest)
+{
+    return ingest->sieve.ctx && current(ingest)->is_soup && !current(ingest)->attributes.stride;
+}
+
 /* What is reserved for the current input will be filled to the end, or the input is refused. */
 static void add_reserved(struct prefault *prefault, const struct spool *spool, uint64_t expected)
 {
@@ -109,9 +117,40 @@ static void add_reserved(struct prefault *prefault, const struct spool *spool, u
 static void begin_prefault(struct ingest *ingest)
 {
     const struct ingest_input *input = current(ingest);
-    add_reserved(&ingest->prefault, &ingest->float_spool, input->expected_vertices);
+    if (!is_sifted(ingest)) /* of which nobody knows what the sieve leaves */
+        add_reserved(&ingest->prefault, &ingest->float_spool, input->expected_vertices);
     add_reserved(&ingest->prefault, &ingest->face_spool, input->expected_faces);
     prefault_begin(ingest->ctx, &ingest->prefault);
+}
+
+/* Corners of a soup: *floats, of which *count are new. Doubles pass. */
+static enum status sift(struct ingest *ingest, size_t *count, const float **floats,
+                        const double *doubles)
+{
+    const uint64_t next = ingest->vertex_count;
+    if (doubles)
+        return sieve_pass(&ingest->sieve, *count, next);
+    enum status status = sieve_take(&ingest->sieve, *floats, *count, next, count);
+    *floats = ingest->sieve.out;
+    return status;
+}
+
+/* Faces of a soup, whose corners the sieve names. */
+static enum status append_soup(struct ingest *ingest, size_t count, const uint32_t *indices)
+{
+    uint32_t buffer[3 * 1024];
+    enum status status = STATUS_OK;
+    for (size_t done = 0; done < 3 * count && status == STATUS_OK;) {
+        size_t size = 3 * count - done;
+        if (size > sizeof buffer / sizeof *buffer)
+            size = sizeof buffer / sizeof *buffer;
+        memcpy(buffer, indices + done, size * sizeof *buffer);
+        status = sieve_name(&ingest->sieve, buffer, size);
+        if (status == STATUS_OK)
+            status = spool_append(&ingest->face_spool, buffer, size * sizeof *buffer);
+        done += size;
+    }
+    return status;
 }
 
 static enum status sink_vertices(void *user, size_t count, const float *floats,
@@ -119,11 +158,16 @@ static enum status sink_vertices(void *user, size_t count, const float *floats,
 {
     struct ingest *ingest = user;
     struct ingest_input *input = current(ingest);
-    if (count > ingest->index_limit || ingest->vertex_count + count > ingest->index_limit)
+    const uint64_t before = ingest->vertex_count + ingest->sieve.held;
+    if (count > ingest->index_limit || before + count > ingest->index_limit)
         return fail(ingest->ctx, STATUS_BAD_INPUT,
                     "%s: more than %llu vertices, which is the limit of a mesh", input->name,
                     (unsigned long long)ingest->index_limit);
-    enum status status;
+    enum status status = STATUS_OK;
+    if (is_sifted(ingest))
+        status = sift(ingest, &count, &floats, doubles);
+    if (status != STATUS_OK || count == 0)
+        return status;
     if (doubles) {
         if (ingest->double_first == UINT64_MAX)
             ingest->double_first = ingest->vertex_count;
@@ -185,6 +229,8 @@ static enum status append_triangles(struct ingest *ingest, uint64_t first_face, 
                                     const uint32_t *indices)
 {
     enum status status = count_faces(ingest, count);
+    if (status == STATUS_OK && is_sifted(ingest))
+        return append_soup(ingest, count, indices);
     if (status == STATUS_OK)
         status = watch_indices(ingest, first_face, indices, 3 * count, 3);
     if (status != STATUS_OK)
@@ -285,6 +331,7 @@ enum status ingest_begin(struct ingest *ingest, const char *name, struct import_
     begin_spool(ingest, &input->record_spool);
     ingest->needed_vertices = 0;
     ingest->largest_face = 0;
+    sieve_restart(&ingest->sieve);
     *sink = (struct import_sink){ingest, sink_begin, sink_vertices, sink_faces};
     return STATUS_OK;
 }

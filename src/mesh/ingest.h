@@ -10,6 +10,7 @@
 #include "mesh/import.h"
 #include "mesh/mesh.h"
 #include "mesh/room.h"
+#include "mesh/sieve.h"
 
 struct ingest_input {
     const char *name; /* borrowed, for messages */
@@ -41,6 +42,7 @@ struct ingest {
     struct context *ctx;
     const struct room *room; /* borrowed */
     struct ingest_taker taker;
+    struct sieve sieve; /* of soups; all zero: none */
 
     struct ingest_input *inputs;
     size_t input_count;
@@ -49,9 +51,9 @@ struct ingest {
                                  of the vertices when it came, 0: none was */
     uint64_t largest_face;    /* the file's number of the face that has it */
 
-    uint64_t index_limit; /* most vertices, and most triangles */
-    uint64_t credible;    /* bytes of memory that the current input's claims are believed for */
-    uint64_t vertex_count;
+    uint64_t index_limit;   /* most vertices, and most triangles */
+    uint64_t credible;      /* bytes of memory that the current input's claims are believed for */
+    uint64_t vertex_count;  /* without those that the sieve holds */
     uint64_t input_faces;   /* as the files have them */
     uint64_t polygon_faces; /* triangles that polygons gave */
     uint64_t face_count;    /* triangles */

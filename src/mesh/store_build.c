@@ -130,16 +130,20 @@ static enum status read_inputs(struct build *build)
     enum status status = STATUS_OK;
     ingest_init(build->ctx, &build->ingest, &build->draft.room);
     build->ingest.index_limit = build->draft.index_limit;
+    sieve_open(build->ctx, &build->ingest.sieve, room_left(&build->draft.room) / 4);
     if (!build->options->weld)
         build->ingest.taker = (struct ingest_taker){build, take_triangles};
     if (build->feed)
         status = take_feed(build);
     for (size_t i = 0; i < build->input_count && status == STATUS_OK; i++)
         status = read_input(build, build->inputs[i], i == 0);
+    const uint64_t held = build->ingest.sieve.held;
+    sieve_close(&build->ingest.sieve);
     if (status == STATUS_OK)
         status = ingest_finish(&build->ingest);
     struct cleaning *cleaning = &build->info.cleaning;
-    cleaning->input_vertices = build->ingest.vertex_count;
+    cleaning->input_vertices = build->ingest.vertex_count + held;
+    cleaning->welded_vertices = held;
     cleaning->input_faces = build->ingest.input_faces;
     cleaning->triangulated_faces = build->ingest.polygon_faces;
     return status;
@@ -179,11 +183,11 @@ static enum status take_faces(struct build *build)
     struct draft *draft = &build->draft;
     struct spool merged_spool = {0};
     uint32_t *merged = NULL;
-    uint64_t degenerate = 0;
+    uint64_t degenerate = 0, welded;
     if (ingest->face_count == 0 && cleaning->degenerate_faces == 0)
         return has_no_faces(build, "");
-    enum status status =
-        weld_find(ingest, build->options->weld, &merged_spool, &merged, &cleaning->welded_vertices);
+    enum status status = weld_find(ingest, build->options->weld, &merged_spool, &merged, &welded);
+    cleaning->welded_vertices += welded;
     if (status == STATUS_OK)
         status = take_over(build);
     const bool is_numbered =
