@@ -117,6 +117,7 @@ static enum status start(struct context *ctx, const struct collapse_options *opt
     c->ctx = ctx;
     c->level = cpu_level(ctx);
     c->options = *options;
+    c->flat_is_left = !options->roughly;
     if (!(c->options.border_weight > 0))
         c->options.border_weight = BORDER_WEIGHT;
     c->vertex_count = c->vertex_room = c->vertex_slots = vertex_count;
@@ -238,6 +239,46 @@ void collapse_mesh_clear(struct context *ctx, uint32_t stride, struct collapse_m
     memset(mesh, 0, sizeof *mesh);
 }
 
+static enum status copy_array(struct context *ctx, const void *from, size_t count, size_t size,
+                              void *to)
+{
+    enum status status = memory_take(ctx, count, size, to);
+    if (status == STATUS_OK && count > 0)
+        memcpy(*(void **)to, from, count * size);
+    return status;
+}
+
+enum status collapse_copy(const struct collapse *from, uint32_t variant, struct collapse **out)
+{
+    struct context *ctx = from->ctx;
+    const size_t vertices = (size_t)from->vertex_count;
+    enum status status = memory_take(ctx, 1, sizeof **out, out);
+    if (status != STATUS_OK)
+        return status;
+    struct collapse *c = *out;
+    *c = *from;
+    c->options.variant = variant;
+    c->corners = NULL;
+    c->vertices = NULL;
+    c->keys = NULL;
+    c->records = NULL;
+    memset(&c->reference, 0, sizeof c->reference);
+    status =
+        copy_array(ctx, from->vertices, (size_t)c->vertex_room, sizeof *c->vertices, &c->vertices);
+    if (status == STATUS_OK)
+        status = copy_array(ctx, from->corners, (size_t)c->face_room, 3 * sizeof *c->corners,
+                            &c->corners);
+    if (status == STATUS_OK)
+        status = copy_array(ctx, from->keys, vertices, sizeof *c->keys, &c->keys);
+    if (status == STATUS_OK && from->records)
+        status = copy_array(ctx, from->records, vertices, c->attributes.stride, &c->records);
+    if (status == STATUS_OK && from->reference.face_count > 0)
+        status = reference_copy(from, c);
+    if (status != STATUS_OK)
+        collapse_end(out);
+    return status;
+}
+
 /* ---- collapsing ---- */
 
 /* How many faces there are to be when the next reference is taken; 0: none is to be taken. A finer
@@ -357,12 +398,24 @@ static enum status run_flat(struct collapse *c, uint64_t most_faces, double boun
         seen++;
         flat += vertex_is_flat(c, (uint32_t)v);
     }
-    if (flat * FLAT_SHARE < seen)
+    c->flat_is_left = flat * FLAT_SHARE >= seen;
+    if (!c->flat_is_left)
         return STATUS_OK;
-    set_bound(c, fmin(bound, FLAT_ERROR / (double)c->unit));
-    enum status status = run_down(c, most_faces, done);
+    enum status status = set_bound(c, fmin(bound, FLAT_ERROR / (double)c->unit));
+    if (status == STATUS_OK)
+        status = run_down(c, most_faces, done);
+    c->flat_is_left = c->live_faces <= most_faces;
     c->typical_error = c->error_sum = 0;
     c->error_count = 0;
+    return status;
+}
+
+enum status collapse_approach(struct collapse *c, uint64_t faces, double most_error)
+{
+    const bool measured = c->options.measured;
+    c->options.measured = false;
+    const enum status status = collapse_run(c, faces, most_error);
+    c->options.measured = measured;
     return status;
 }
 
@@ -372,7 +425,7 @@ enum status collapse_run(struct collapse *c, uint64_t most_faces, double most_er
     bool done = false;
     const double bound = most_error * c->scale;
     const bool bounded = bound < INFINITY;
-    if (c->live_faces == c->face_count && !c->options.roughly)
+    if (c->flat_is_left)
         status = run_flat(c, most_faces, bounded ? bound * BOUND_PART : INFINITY, &done);
     if (status != STATUS_OK)
         return status;

@@ -25,6 +25,7 @@ struct collapse_options {
                              stand in the way of fewer faces */
     bool roughly;       /* errors are not measured on the way: witnesses are carried along, no edge
                            waits for its error; not with a bound of the error */
+    uint32_t variant;   /* collapse_copy */
     const char *source; /* the file that the mesh was made from: damage to it is then the reason
                            when the mesh is not manifold (STATUS_BAD_INPUT). NULL: the caller's
                            defect (STATUS_INTERNAL) */
@@ -67,6 +68,14 @@ void collapse_mesh_clear(struct context *ctx, uint32_t stride, struct collapse_m
  * targets: all levels come from one sequence. */
 enum status collapse_run(struct collapse *collapse, uint64_t most_faces,
                          double most_error) MUST_CHECK;
+
+/* Part of the way to such a target: collapse_run() goes on from there. */
+enum status collapse_approach(struct collapse *collapse, uint64_t faces,
+                              double most_error) MUST_CHECK;
+/* A second one in the same state, whose further collapses come in another order: each `variant`
+ * has its own, 0 that of the original. */
+enum status collapse_copy(const struct collapse *collapse, uint32_t variant,
+                          struct collapse **out) MUST_CHECK;
 
 uint64_t collapse_faces(const struct collapse *collapse);
 /* Estimated largest distance so far. */

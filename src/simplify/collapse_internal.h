@@ -74,6 +74,7 @@ struct collapse {
                      underflow */
     float unit;   /* power of two that makes the mean edge about 1, scaled or not */
     bool is_float32;
+    bool flat_is_left;    /* there may be edges still whose collapse costs nothing */
     bool held_back;       /* edges wait for a larger error bound */
     double error_bound;   /* of the present run */
     double typical_error; /* mean error of the last sweep's collapses; 0 before */
@@ -255,6 +256,8 @@ enum { REFERENCE_POINTS_MAX = 16 };
 
 /* Makes the present mesh the reference. Vertices and faces are renumbered. */
 enum status reference_take(struct collapse *collapse) MUST_CHECK;
+/* `to` has none yet; vertices stand where they stand in `from`. */
+enum status reference_copy(const struct collapse *from, struct collapse *to) MUST_CHECK;
 void reference_clear(struct collapse *collapse);
 /* At most how many faces the reference may have that comes next, so that it takes no more than the
  * room that arrays have gained since the beginning. */

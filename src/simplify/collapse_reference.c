@@ -39,6 +39,26 @@ void reference_clear(struct collapse *c)
     memset(r, 0, sizeof *r);
 }
 
+enum status reference_copy(const struct collapse *from, struct collapse *to)
+{
+    const struct reference *f = &from->reference;
+    struct reference *r = &to->reference;
+    const size_t vertices = (size_t)f->vertex_count, faces = (size_t)f->face_count;
+    r->vertex_count = f->vertex_count;
+    r->face_count = f->face_count;
+    enum status status = memory_take(to->ctx, vertices, 3 * sizeof *r->positions, &r->positions);
+    if (status == STATUS_OK)
+        status = memory_take(to->ctx, faces, 3 * sizeof *r->faces, &r->faces);
+    if (status == STATUS_OK)
+        status = memory_take(to->ctx, vertices, sizeof *r->next, &r->next);
+    if (status != STATUS_OK)
+        return status;
+    memcpy(r->positions, f->positions, vertices * 3 * sizeof *r->positions);
+    memcpy(r->faces, f->faces, faces * 3 * sizeof *r->faces);
+    memcpy(r->next, f->next, vertices * sizeof *r->next);
+    return bvh_build(to->ctx, r->positions, r->faces, (uint32_t)r->face_count, &r->tree);
+}
+
 uint64_t reference_most_faces(const struct collapse *c)
 {
     /* a face of the reference takes 74 bytes while the tree is built, one of the mesh 58 */

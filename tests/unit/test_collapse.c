@@ -122,6 +122,64 @@ static void cube_keeps_its_corners(void **state)
 }
 
 /* The result does not depend on the model's unit as long as floats can say it. */
+static void assert_same_mesh(const struct mesh *a, const struct mesh *b)
+{
+    assert_int_equal(a->face_count, b->face_count);
+    assert_int_equal(a->vertex_count, b->vertex_count);
+    assert_memory_equal(a->faces, b->faces, 3 * (size_t)a->face_count * sizeof *a->faces);
+    assert_memory_equal(a->positions, b->positions,
+                        3 * (size_t)a->vertex_count * sizeof *a->positions);
+}
+
+/* A copy is made at first and with a reference; it goes on as the original does when the variant is
+ * 0, in an order of its own else, and neither disturbs the other. */
+static void copies_go_on_by_themselves(void **state)
+{
+    (void)state;
+    struct context ctx;
+    struct mesh mesh, out, of_copy;
+    context_init(&ctx);
+    for (uint32_t variant = 0; variant < 3; variant++)
+        for (int with_reference = 0; with_reference < 2; with_reference++) {
+            const struct collapse_options options = {.effort = 2, .measured = true};
+            struct collapse *collapse, *copy;
+            double error, error_of_copy;
+            struct shape shape = shape_noisy_sphere(5, 0.01, 7);
+            shape_into_mesh(&ctx, &shape, &mesh);
+            assert_int_equal(collapse_begin(&ctx, &options, mesh.vertex_count, mesh.face_count,
+                                            mesh.positions, mesh.faces, NULL, NULL, NULL,
+                                            &collapse),
+                             STATUS_OK);
+            if (with_reference)
+                assert_int_equal(collapse_run(collapse, 4000, INFINITY), STATUS_OK);
+            else
+                assert_int_equal(collapse_approach(collapse, 8000, INFINITY), STATUS_OK);
+            assert_int_equal(collapse_copy(collapse, variant, &copy), STATUS_OK);
+            assert_int_equal(collapse_run(copy, 1000, INFINITY), STATUS_OK);
+            assert_int_equal(collapse_run(collapse, 1000, INFINITY), STATUS_OK);
+            assert_int_equal(collapse_error(collapse, &error), STATUS_OK);
+            assert_int_equal(collapse_error(copy, &error_of_copy), STATUS_OK);
+            assert_int_equal(collapse_extract(collapse, &out, NULL), STATUS_OK);
+            collapse_end(&collapse);
+            assert_int_equal(collapse_extract(copy, &of_copy, NULL), STATUS_OK);
+            collapse_end(&copy);
+            if (variant == 0) {
+                assert_same_mesh(&out, &of_copy);
+                assert_true(error == error_of_copy);
+            } else {
+                assert_in_range(of_copy.face_count, 999, 1000);
+                assert_true(error != error_of_copy);
+                struct facts facts = facts_of(&of_copy);
+                assert_true(facts_manifold(&facts) && facts.euler == 2);
+            }
+            mesh_clear(&ctx, &out);
+            mesh_clear(&ctx, &of_copy);
+            mesh_clear(&ctx, &mesh);
+            assert_int_equal(ctx.memory_now, 0);
+        }
+    context_clear(&ctx);
+}
+
 /* A blade 130 long and 0.65 thick, of planes and straight bevels in 16,222 faces: 324 can say
  * nearly all of it. */
 static void what_costs_nothing_goes_first(void **state)
@@ -505,6 +563,7 @@ int main(void)
         cmocka_unit_test(volume_is_kept),
         cmocka_unit_test(flat_square_keeps_its_border),
         cmocka_unit_test(cube_keeps_its_corners),
+        cmocka_unit_test(copies_go_on_by_themselves),
         cmocka_unit_test(what_costs_nothing_goes_first),
         cmocka_unit_test(unit_does_not_matter),
         cmocka_unit_test(far_from_the_origin),
