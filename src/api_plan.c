@@ -13,7 +13,7 @@
 #include "api_internal.h"
 
 /* Microseconds of one core a face. */
-static const double IMPORT_BINARY = 0.18, IMPORT_TEXT = 0.30, IMPORT_SOUP = 0.55, INFLATE = 0.06;
+static const double IMPORT_BINARY = 0.18, IMPORT_TEXT = 0.30, IMPORT_SOUP = 0.38, INFLATE = 0.06;
 static const double PATCHIFY = 0.17, PATCHIFY_SMALL = 0.15, CLASSIC = 2.6, OUTPUT = 0.1;
 /* A face of the small mesh that the chains give, mode collapse, by effort. */
 static const double COLLAPSE[3] = {2.3, 2.1, 2.4};
@@ -27,9 +27,9 @@ enum {
     CHAIN_FACE = 5,      /* bytes of the chain file a face of the store */
     CHAIN_SMALL = 16,    /* and a face of the small mesh */
     SPOOLED_FACE = 28,   /* temporary bytes of the import while the store is made */
-    SPOOLED_CORNER = 25, /* more for each corner of a soup: it is sorted */
+    SPOOLED_CORNER = 2,  /* more for each corner of a soup, if it is not in random order */
     HELD_FACE = 34,      /* bytes of memory a face with which the import sorts nothing on disk */
-    HELD_CORNER = 36,    /* more for each corner of a soup */
+    HELD_CORNER = 1,     /* more for each corner of a soup */
     OUTPUT_FACE = 19     /* of a binary PLY: 13, and 12 for each of half as many vertices */
 };
 
