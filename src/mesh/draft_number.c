@@ -13,6 +13,10 @@
  * rank that is new to its bucket is the first use of its vertex, which now gets its number; (4)
  * each bucket turns ranks into numbers; (5) the corners take them.
  *
+ * Numbers in an order that won't be kept are not worth that. Where faces themselves come in random
+ * order, which the first slab lets suspect, one sweep with a bit a vertex counts what tells of it
+ * (draft_is_scattered), and ids stay ids until the faces have their order (order_far.h).
+ *
  * The one sweep needs each face once, in order: so the first numbering is made of faces as the
  * reader gives them, wherever it can be, and they are never looked at without their numbers.
  */
