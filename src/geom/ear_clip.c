@@ -48,6 +48,7 @@ struct clipper {
     uint32_t *heap, *place;
     double *key;          /* 4 * kind + 1 - cosine */
     uint8_t *is_blocking; /* not convex and not cut */
+    uint32_t blockers;    /* the same, a bit a corner, where there is no heap */
     uint32_t blocking_count;
     uint8_t *is_forbidden;
 };
@@ -181,6 +182,13 @@ static bool has_blocker(const struct clipper *clipper, const struct ear *ear)
         return false;
     const struct grid_point *points = clipper->points;
     struct grid_point a = points[ear->a], b = points[ear->b], c = points[ear->c];
+    if (!clipper->has_heap) { /* in a simple loop, where any of them does */
+        const uint32_t own = UINT32_C(1) << ear->a | UINT32_C(1) << ear->b | UINT32_C(1) << ear->c;
+        for (uint32_t left = clipper->blockers & ~own; left; left &= left - 1)
+            if (triangle_holds(a, b, c, points[__builtin_ctz(left)]))
+                return true;
+        return false;
+    }
     if (clipper->has_tree)
         return point_tree_find(&clipper->tree, a, b, c, blocks, ear) != UINT32_MAX;
     for (uint32_t i = 0; i < clipper->input->n; i++)
@@ -199,6 +207,8 @@ static void set_blocking(struct clipper *clipper, uint32_t corner, bool is_block
         point_tree_switch(&clipper->tree, corner, is_blocking);
     else
         clipper->is_blocking[corner] = is_blocking;
+    if (!clipper->has_heap)
+        clipper->blockers ^= UINT32_C(1) << corner;
 }
 
 static int64_t turn_at(const struct clipper *clipper, uint32_t corner)
@@ -297,6 +307,8 @@ static enum status set_up(struct context *ctx, struct scratch *scratch,
         clipper->next[i] = i + 1 == input->n ? 0 : i + 1;
         clipper->is_blocking[i] = turn_at(clipper, i) <= 0;
         clipper->blocking_count += clipper->is_blocking[i];
+        if (!clipper->has_heap)
+            clipper->blockers |= (uint32_t)clipper->is_blocking[i] << i;
     }
     if (has_tree)
         point_tree_build(&clipper->tree, input->points, input->n, clipper->is_blocking,
