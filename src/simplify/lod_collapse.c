@@ -39,7 +39,7 @@ static const double NEARLY[4] = {1, 1.25, 1.25, 1};
  * on. */
 static const uint64_t TRIED_FACES[4] = {0, 0, 2500, 5000};
 static const uint32_t TRIES[4] = {1, 1, 3, 5};
-enum { TRIED_FROM = 8 };
+enum { TRIED_FROM = 8, TRIED_FROM_LEAST = 6000 };
 /* A block is collapsed up to this part of the finest level's error. */
 static const double ERROR_PART = 0.5;
 /* Chain tolerance as a part of the mean edge of the finest level, and of the finest error. */
@@ -288,9 +288,10 @@ static bool is_better(const struct level *level, uint64_t faces, double error, u
 static enum status run_to_level(struct lod *lod, struct collapse **collapse, struct level *level)
 {
     const uint32_t effort = lod->collapse.effort < 3 ? lod->collapse.effort : 3;
-    const uint64_t faces = level->wanted_faces, begin = TRIED_FROM * faces;
+    const uint64_t faces = level->wanted_faces, times = TRIED_FROM * faces;
+    const uint64_t begin = times > TRIED_FROM_LEAST ? times : TRIED_FROM_LEAST;
     const bool is_small =
-        (faces > 0 ? begin : collapse_faces(*collapse)) <= TRIED_FROM * TRIED_FACES[effort];
+        (faces > 0 ? times : collapse_faces(*collapse)) <= TRIED_FROM * TRIED_FACES[effort];
     const uint32_t tries = is_small ? TRIES[effort] : 1;
     struct collapse *start = *collapse, *best = NULL;
     enum status status = STATUS_OK;
@@ -300,7 +301,7 @@ static enum status run_to_level(struct lod *lod, struct collapse **collapse, str
         struct collapse *next = NULL;
         double error = INFINITY;
         if (i + 1 < tries) {
-            status = collapse_copy(start, i, &next);
+            status = collapse_copy(start, i + 1, &next); /* the last is variant 0 */
         } else {
             next = start;
             start = NULL;
