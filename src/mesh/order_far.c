@@ -15,6 +15,9 @@
  * are put in their places; (4) faces take their answers and are sorted, with places for ids; (5)
  * they come out of the sort in Hilbert order and are numbered at once, in a window.
  *
+ * Where faces have an order, only not a good one, the vertices that they name are near each other
+ * as they are: then keys are made in a window, and only (4) and (5) are due.
+ *
  * The rough order shapes no output: it only says what is near. Where it says nothing (all vertices
  * but one in one coarse cell) the last step notices, and numbers by buckets.
  *
@@ -36,6 +39,7 @@ enum {
     CACHED = 1 << 20,      /* bytes that are looked at in any order */
     GOOD_BLOCK = 32 << 10, /* bytes of a bucket worth a call */
     SHORT_SHIFT = 16,      /* places within parts of 2^16 have 2 bytes */
+    SWEEPS = 3, /* times that positions may come in before faces are said to jump about */
     LARGEST_VERTEX = 1024, /* bytes: place, position and attributes */
     BATCH = 1024
 };
@@ -65,6 +69,8 @@ struct far_order {
     size_t ranges;
     struct bucket_file moved; /* vertices: place within the range, position, attributes */
     struct sorter *sorter;
+    struct visits visits; /* of positions, in a window */
+    uint64_t most_visits;
 };
 
 /* ---- vertices along the curve, roughly ---- */
@@ -222,7 +228,6 @@ static enum status answer_all(struct far_order *o)
             status = answer_part(o, part);
     }
     memory_release(draft->ctx, &o->table, (size_t)1 << o->part_shift, sizeof *o->table);
-    memory_release(draft->ctx, &o->next_place, COARSE_CELLS, sizeof *o->next_place);
     bucket_file_close(&o->questions);
     if (status == STATUS_OK)
         status = bucket_file_rewind(&o->moved);
@@ -316,7 +321,15 @@ static inline enum status take_answer(struct far_order *o, uint32_t id, struct a
     return bucket_take_sized(&o->answers, id >> o->part_shift, answer, sizeof *answer);
 }
 
-static enum status key_face(struct far_order *o, uint64_t f, struct keyed_face *keyed)
+static inline void set_key(const struct far_order *o, uint64_t f, uint64_t sum,
+                           struct keyed_face *keyed)
+{
+    const uint64_t key = face_key(o->curve, f, sum);
+    keyed->key_low = (uint32_t)key;
+    keyed->key_high = (uint32_t)(key >> 32);
+}
+
+static enum status key_by_answers(struct far_order *o, uint64_t f, struct keyed_face *keyed)
 {
     const uint32_t *ids = o->draft->faces + 3 * f;
     enum status status = STATUS_OK;
@@ -327,22 +340,34 @@ static enum status key_face(struct far_order *o, uint64_t f, struct keyed_face *
         sum += answer.cell_low | (uint64_t)answer.cell_high << 32;
         keyed->corners[k] = answer.place;
     }
-    const uint64_t key = face_key(o->curve, f, sum);
-    keyed->key_low = (uint32_t)key;
-    keyed->key_high = (uint32_t)(key >> 32);
+    set_key(o, f, sum, keyed);
     return status;
 }
 
-static enum status sort_faces(struct far_order *o)
+static enum status key_in_window(struct far_order *o, uint64_t f, struct keyed_face *keyed)
+{
+    const uint32_t *ids = o->draft->faces + 3 * f;
+    uint64_t sum = 0;
+    for (int k = 0; k < 3; k++) {
+        visit(&o->visits, ids[k] * draft_position_size(o->draft));
+        sum += cell_at(o, ids[k]);
+        keyed->corners[k] = ids[k];
+    }
+    set_key(o, f, sum, keyed);
+    return STATUS_OK;
+}
+
+/* All faces with their keys go to the sorter; or not all, if a window sees too many visits. */
+static enum status add_faces(struct far_order *o,
+                             enum status (*key)(struct far_order *o, uint64_t f,
+                                                struct keyed_face *keyed),
+                             bool *is_done)
 {
     struct draft *draft = o->draft;
-    const struct room *room = &draft->room;
     struct keyed_face batch[BATCH];
-    enum status status =
-        sorter_open(draft->ctx, sizeof *batch, 8, room_left(room) / 2, room->beside, &o->sorter);
-    if (status == STATUS_OK)
-        status = sorter_expect(o->sorter, draft->face_count);
-    for (uint64_t f = 0; f < draft->face_count && status == STATUS_OK;) {
+    enum status status = STATUS_OK;
+    uint64_t f = 0;
+    while (f < draft->face_count && status == STATUS_OK && o->visits.total <= o->most_visits) {
         size_t count = 0;
         if (f % FORGET_EVERY == 0) {
             spool_pass(&draft->face_spool, f * 12);
@@ -350,13 +375,54 @@ static enum status sort_faces(struct far_order *o)
                           8 * draft->face_count);
         }
         for (; count < BATCH && f < draft->face_count && status == STATUS_OK; f++)
-            status = key_face(o, f, &batch[count++]);
+            status = key(o, f, &batch[count++]);
         if (status == STATUS_OK)
             status = sorter_add(o->sorter, batch, count);
     }
+    spool_forget_all(&draft->face_spool);
+    *is_done = f == draft->face_count;
+    return status;
+}
+
+static enum status open_sorter(struct far_order *o, uint64_t memory)
+{
+    return sorter_open(o->draft->ctx, sizeof(struct keyed_face), 8, memory, o->draft->room.beside,
+                       &o->sorter);
+}
+
+static enum status sort_by_answers(struct far_order *o)
+{
+    struct draft *draft = o->draft;
+    bool is_done;
+    o->most_visits = UINT64_MAX;
+    enum status status = open_sorter(o, room_left(&draft->room) / 2);
+    if (status == STATUS_OK)
+        status = sorter_expect(o->sorter, draft->face_count);
+    if (status == STATUS_OK)
+        status = add_faces(o, key_by_answers, &is_done);
     bucket_file_close(&o->answers);
-    spool_clear(&draft->face_spool);
-    return status == STATUS_OK ? sorter_finish(o->sorter) : status;
+    return status;
+}
+
+static enum status sort_in_window(struct far_order *o, bool *is_done)
+{
+    struct draft *draft = o->draft;
+    const struct room *room = &draft->room;
+    struct visits *visits = &o->visits;
+    *is_done = false;
+    enum status status = open_sorter(o, room_left(room) / 4);
+    if (status == STATUS_OK)
+        status = visits_begin(room, visits, &draft->position_spool, room_left(room) / 2);
+    o->most_visits = visits->most < visits->block_count
+                         ? SWEEPS * visits->block_count + visits->most
+                         : UINT64_MAX;
+    if (status == STATUS_OK)
+        status = add_faces(o, key_in_window, is_done);
+    visits_end(visits);
+    *visits = (struct visits){0};
+    if (!*is_done)
+        sorter_close(&o->sorter);
+    return status;
 }
 
 /* ---- numbers ---- */
@@ -416,27 +482,41 @@ static enum status number_sorted(struct far_order *o)
 
 /* ---- the whole ---- */
 
-enum status order_far(struct draft *draft, const struct face_curve *curve)
+/* Vertices get places, faces those for ids. */
+static enum status sort_with_places(struct far_order *o)
 {
-    struct context *ctx = draft->ctx;
-    struct far_order o = {.draft = draft, .curve = curve};
-    o.id_count = draft->id_count ? draft->id_count : draft->vertex_count;
-    enum status status = memory_take_zeroed(ctx, COARSE_CELLS, sizeof *o.next_place, &o.next_place);
+    struct draft *draft = o->draft;
+    enum status status =
+        memory_take_zeroed(draft->ctx, COARSE_CELLS, sizeof *o->next_place, &o->next_place);
     if (status == STATUS_OK)
-        status = count_cells(&o);
-    o.part_shift = cut(o.id_count, sizeof(struct answer), room_left(&draft->room), &o.parts);
+        status = count_cells(o);
+    o->part_shift = cut(o->id_count, sizeof(struct answer), room_left(&draft->room), &o->parts);
     if (status == STATUS_OK)
-        status = ask_all(&o);
+        status = ask_all(o);
     if (status == STATUS_OK)
-        status = answer_all(&o);
+        status = answer_all(o);
+    memory_release(draft->ctx, &o->next_place, COARSE_CELLS, sizeof *o->next_place);
     draft->id_count = 0; /* from here on all that there are are used */
     if (status == STATUS_OK)
-        status = place_all(&o);
+        status = place_all(o);
+    return status == STATUS_OK ? sort_by_answers(o) : status;
+}
+
+enum status order_far(struct draft *draft, const struct face_curve *curve)
+{
+    struct far_order o = {.draft = draft, .curve = curve};
+    bool is_sorted = false;
+    enum status status = STATUS_OK;
+    o.id_count = draft->id_count ? draft->id_count : draft->vertex_count;
+    if (!draft->id_count && !draft_is_scattered(draft))
+        status = sort_in_window(&o, &is_sorted);
+    if (status == STATUS_OK && !is_sorted)
+        status = sort_with_places(&o);
+    spool_clear(&draft->face_spool);
     if (status == STATUS_OK)
-        status = sort_faces(&o);
+        status = sorter_finish(o.sorter);
     if (status == STATUS_OK)
         status = number_sorted(&o);
-    memory_release(ctx, &o.next_place, COARSE_CELLS, sizeof *o.next_place);
     bucket_file_close(&o.questions);
     bucket_file_close(&o.answers);
     bucket_file_close(&o.moved);

@@ -13,8 +13,9 @@
 
 struct case_of {
     bool has_doubles, has_colours, has_dirt;
-    bool is_far;  /* one part far away: the rough order is none */
-    bool is_soup; /* coincident vertices */
+    bool is_far;     /* one part far away: the rough order is none */
+    bool is_soup;    /* coincident vertices */
+    bool has_strips; /* local in space, but too little: strips in random order */
     unsigned shift;
 };
 
@@ -72,6 +73,24 @@ static void add_dirt(struct shape *shape)
     shape_vertex(shape, -0.0, 0.0, -0.0);
 }
 
+enum { STRIP = 600 }; /* faces: two rings of the torus */
+
+static void shuffle_strips(struct shape *shape)
+{
+    const size_t count = shape->face_count / STRIP, size = STRIP * 3 * sizeof(uint32_t);
+    uint32_t *spare = malloc(size);
+    uint64_t seed = 9;
+    assert_non_null(spare);
+    for (size_t i = count; i > 1; i--) {
+        uint32_t *one = shape->indices + (i - 1) * STRIP * 3;
+        uint32_t *other = shape->indices + random_below(&seed, i) * STRIP * 3;
+        memcpy(spare, one, size);
+        memmove(one, other, size);
+        memcpy(other, spare, size);
+    }
+    free(spare);
+}
+
 static struct shape make(const struct case_of *c)
 {
     struct shape shape = shape_noisy_torus(150, 80, 0.01, 3);
@@ -83,7 +102,10 @@ static struct shape make(const struct case_of *c)
     }
     if (c->has_dirt)
         add_dirt(&shape);
-    shape_shuffle(&shape, 5);
+    if (c->has_strips)
+        shuffle_strips(&shape);
+    else
+        shape_shuffle(&shape, 5);
     return shape;
 }
 
@@ -115,6 +137,7 @@ static void memory_changes_no_byte(void **state)
         {.shift = 11, .has_colours = true, .has_dirt = true},
         {.shift = 9, .is_far = true},
         {.shift = 10, .is_soup = true, .has_dirt = true},
+        {.shift = 10, .has_strips = true},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const struct case_of *c = &cases[i];
