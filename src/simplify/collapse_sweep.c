@@ -26,7 +26,7 @@ static const struct pace {
 static const struct variant {
     double part; /* times that of the pace */
     bool waits;  /* edges wait for their error */
-} VARIANTS[] = {{1, true}, {1, false}, {0.7, true}, {0.7, false}, {0.85, true}};
+} VARIANTS[] = {{1, true}, {0.7, false}, {0.7, true}, {1, false}, {0.85, true}};
 /*
  * An edge waits when its error would be more than so many times the last sweep's typical one. (Not
  * the present sweep's so far: on parts the first thousands of collapses cost nothing, and all that
