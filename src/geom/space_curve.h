@@ -45,9 +45,8 @@ static inline uint64_t space_curve_key(const struct space_curve *curve, uint32_t
         key = step & 7;
         orientation = step >> 3;
     }
-    while (bits > 0) {
-        bits -= 2;
-        const unsigned step = curve->two_steps[orientation][octants >> 3 * bits & 63];
+    for (; bits >= 2; bits -= 2) {
+        const unsigned step = curve->two_steps[orientation][octants >> 3 * (bits - 2) & 63];
         key = key << 6 | (step & 63);
         orientation = step >> 6;
     }
