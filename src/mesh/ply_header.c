@@ -54,6 +54,9 @@ static enum status copy_name(struct text *text, const struct words *words, unsig
 {
     if (words->length[i] > PLY_NAME_MAX)
         return refuse_line(text, "a name of more than 255 characters");
+    for (unsigned k = 0; k < words->length[i]; k++)
+        if ((unsigned char)words->word[i][k] <= ' ' || words->word[i][k] == 127)
+            return refuse_line(text, "a name with characters that are no text");
     memcpy(name, words->word[i], words->length[i]);
     name[words->length[i]] = 0;
     return STATUS_OK;

@@ -163,6 +163,9 @@ static void bad_headers_are_refused_with_their_line(void **state)
         {"ply\nformat ascii 1.0\nelement vertex 1\nelement vertex 2\n", "line 4", "already"},
         {"ply\nformat ascii 1.0\nelement vertex 1\nproperty int x\nproperty int x\n", "line 5",
          "already"},
+        {"ply\nformat ascii 1.0\nelement vertex 1\nproperty float \033[2Jx\nend_header\n", "line 4",
+         "no text"},
+        {"ply\nformat ascii 1.0\nelement a\177b 1\nend_header\n", "line 3", "no text"},
         {"ply\nformat ascii 1.0\nelephant\n", "line 3", "not a line of a PLY header"},
         {"ply\nformat ascii 1.0\nelement vertex 1\n", "line 4", "ends within the header"},
         {"ply\nformat ascii 1.0\nelement face 0\nproperty list uchar int vertex_indices\n"
