@@ -8,6 +8,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "test_kit.h"
+
 static void must(int holds, const char *what)
 {
     if (!holds) {
@@ -83,4 +85,15 @@ unsigned char *file_read(const char *path, size_t *size)
     if (size)
         *size = got;
     return data;
+}
+
+void first_bytes_compare(struct first_bytes *first, unsigned char *bytes, size_t size)
+{
+    if (!first->bytes) {
+        *first = (struct first_bytes){bytes, size};
+        return;
+    }
+    assert_int_equal(size, first->size);
+    assert_memory_equal(bytes, first->bytes, size);
+    free(bytes);
 }

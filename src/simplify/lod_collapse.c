@@ -91,6 +91,12 @@ static void choose_fineness(struct lod *lod)
         lod->tolerance = lod->info->tolerance;
 }
 
+/* Where the tables by effort are looked into. */
+static uint32_t effort_of(const struct lod *lod)
+{
+    return lod->collapse.effort < 3 ? lod->collapse.effort : 3;
+}
+
 /* ---- one node of the tree ---- */
 
 /* Collapses a node that is not the root to what the finest level may need of it. */
@@ -103,7 +109,7 @@ static enum status thin_node(struct lod *lod, uint32_t node)
     uint32_t *sources = NULL, *places = NULL;
     const size_t vertices = (size_t)mesh->triangles.vertex_count;
     const double part = (double)lod->weights[node] / (double)(lod->info->patches + 1);
-    const uint32_t effort = lod->collapse.effort < 3 ? lod->collapse.effort : 3;
+    const uint32_t effort = effort_of(lod);
     double wanted = lod->finest_faces ? SLACK[effort] * part * (double)lod->finest_faces : 0;
     const double enough = lod->span > 1 ? NEARLY[effort] * wanted : wanted;
     if ((double)mesh->triangles.face_count <= enough || lod->node_count == 1)
@@ -287,7 +293,7 @@ static bool is_better(const struct level *level, uint64_t faces, double error, u
  */
 static enum status run_to_level(struct lod *lod, struct collapse **collapse, struct level *level)
 {
-    const uint32_t effort = lod->collapse.effort < 3 ? lod->collapse.effort : 3;
+    const uint32_t effort = effort_of(lod);
     const uint64_t faces = level->wanted_faces, times = TRIED_FROM * faces;
     const uint64_t begin = times > TRIED_FROM_LEAST ? times : TRIED_FROM_LEAST;
     const bool is_small =

@@ -331,8 +331,7 @@ static void test_jobs_are_independent(void **state)
     char folder[TEST_PATH], path[TEST_PATH];
     struct runner runners[JOBS];
     pthread_t threads[JOBS];
-    unsigned char *first = NULL;
-    size_t first_size = 0;
+    struct first_bytes first = {NULL, 0};
     folder_make(folder);
     write_drum(folder_path(path, folder, "in.off"), 400);
     for (unsigned i = 0; i < JOBS; i++) {
@@ -347,16 +346,9 @@ static void test_jobs_are_independent(void **state)
         assert_int_equal(runners[i].status, SPBM_OK);
         unsigned char *bytes = file_read(folder_path(path, folder, runners[i].out), &size);
         assert_non_null(bytes);
-        if (i == 0) {
-            first = bytes;
-            first_size = size;
-            continue;
-        }
-        assert_int_equal(size, first_size);
-        assert_memory_equal(bytes, first, size);
-        free(bytes);
+        first_bytes_compare(&first, bytes, size);
     }
-    free(first);
+    free(first.bytes);
     assert_int_equal(folder_remove(folder), JOBS + 1);
 }
 

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "mesh/store.h"
+#include "test_files.h"
 #include "test_shapes.h"
 
 struct case_of {
@@ -143,8 +144,7 @@ static void memory_changes_no_byte(void **state)
         const struct case_of *c = &cases[i];
         struct shape shape = make(c);
         const char *input = test_path("o.ply");
-        unsigned char *first = NULL;
-        size_t first_size = 0;
+        struct first_bytes first = {NULL, 0};
         write_ply(&shape, c, input);
         for (int run = 0; run < 6; run++) {
             struct store_info info;
@@ -156,16 +156,9 @@ static void memory_changes_no_byte(void **state)
             assert_int_equal(info.cleaning.duplicate_faces, c->has_dirt ? 300 : 0);
             assert_int_equal(info.cleaning.unreferenced_vertices, c->has_dirt ? 301 : 0);
             assert_int_equal(info.topology.vertices, 12000 + (c->is_far ? 4 : 0));
-            if (run == 0) {
-                first = bytes;
-                first_size = size;
-                continue;
-            }
-            assert_int_equal(size, first_size);
-            assert_memory_equal(bytes, first, size);
-            free(bytes);
+            first_bytes_compare(&first, bytes, size);
         }
-        free(first);
+        free(first.bytes);
         shape_free(&shape);
     }
 }

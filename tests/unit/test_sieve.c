@@ -10,6 +10,7 @@
 
 #include "mesh/sieve.h"
 #include "mesh/store.h"
+#include "test_files.h"
 #include "test_shapes.h"
 
 enum { GRID = 100, CORNERS = 60000, BATCH = 500 };
@@ -79,8 +80,7 @@ static void soups_are_the_same_in_any_memory(void **state)
     for (int is_shuffled = 0; is_shuffled < 2; is_shuffled++) {
         struct shape shape = shape_noisy_torus(150, 80, 0.01, 3);
         const char *input = test_path("s.stl"), *output = test_path("s.store");
-        unsigned char *first = NULL;
-        size_t first_size = 0;
+        struct first_bytes first = {NULL, 0};
         if (is_shuffled)
             shape_shuffle(&shape, 5);
         shape_write(&shape, SHAPE_STL_BINARY, input);
@@ -99,17 +99,10 @@ static void soups_are_the_same_in_any_memory(void **state)
             assert_int_equal(info.cleaning.unreferenced_vertices, 0);
             size_t size;
             unsigned char *bytes = test_read_file(output, &size);
-            if (run == 0) {
-                first = bytes;
-                first_size = size;
-            } else {
-                assert_int_equal(size, first_size);
-                assert_memory_equal(bytes, first, size);
-                free(bytes);
-            }
+            first_bytes_compare(&first, bytes, size);
             context_clear(&ctx);
         }
-        free(first);
+        free(first.bytes);
     }
 }
 

@@ -11,6 +11,7 @@
 
 #include "mesh/store.h"
 #include "test_facts.h"
+#include "test_files.h"
 #include "test_shapes.h"
 
 static void note(void *user, enum message_level level, const char *text)
@@ -539,8 +540,7 @@ static void what_grows_beyond_the_limit_is_refused(void **state)
 static void all_runs_agree(unsigned shift)
 {
     const char *input = test_path("t.ply"), *output = test_path("t.store");
-    unsigned char *first = NULL;
-    size_t first_size = 0;
+    struct first_bytes first = {NULL, 0};
     for (int run = 0; run < 7; run++) {
         struct context ctx;
         context_init(&ctx);
@@ -554,17 +554,10 @@ static void all_runs_agree(unsigned shift)
             fail_msg("run %d: %s", run, ctx.error);
         size_t size;
         unsigned char *bytes = test_read_file(output, &size);
-        if (run == 0) {
-            first = bytes;
-            first_size = size;
-        } else {
-            assert_int_equal(size, first_size);
-            assert_memory_equal(bytes, first, size);
-            free(bytes);
-        }
+        first_bytes_compare(&first, bytes, size);
         context_clear(&ctx);
     }
-    free(first);
+    free(first.bytes);
     struct context ctx;
     context_init(&ctx);
     assert_int_equal(store_check(&ctx, output), STATUS_OK);
