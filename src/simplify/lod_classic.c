@@ -7,7 +7,9 @@
  * triangulating it, corners less two a patch, except where a patch must be cut into a fan, which
  * has two faces more. So a level is made by going to N, triangulating, and as long as the fans make
  * it too many, going on by as much. When in the end fewer fans are needed than were reckoned with,
- * unused vertices are put back into patches: N or N - 1 is met.
+ * unused vertices are put back into patches: N or N - 1 is met. Where nothing more can be taken
+ * away, a graph with fewer patches may need more fans, and give more faces, than the one before:
+ * the level before is written again then, for no level has more faces than a finer one.
  */
 #include "simplify/lod_classic.h"
 
@@ -33,6 +35,11 @@ struct classic {
     uint32_t *numbers;  /* of graph vertices in the level; NO_INDEX: not in it */
     uint32_t *vertices; /* of the level: graph vertices, by first use */
     size_t vertex_count, vertex_capacity;
+
+    /* The level before, whose vertices are the above: NULL while there is none. */
+    uint32_t *last_faces; /* corners are numbers of the level's vertices */
+    size_t last_count, last_capacity;
+    double last_error;
 };
 
 /* ---- writing a level ---- */
@@ -77,15 +84,29 @@ static enum status number_vertices(struct classic *classic)
     return STATUS_OK;
 }
 
+/* Exchanges the faces just made, whose corners are numbered, with those of the level before. */
+static void exchange_with_last(struct classic *classic)
+{
+    struct level_faces *faces = &classic->faces;
+    uint32_t *array = faces->faces;
+    const size_t count = faces->count, capacity = faces->capacity;
+    faces->faces = classic->last_faces;
+    faces->count = classic->last_count;
+    faces->capacity = classic->last_capacity;
+    classic->last_faces = array;
+    classic->last_count = count;
+    classic->last_capacity = capacity;
+}
+
 static enum status write_level(struct classic *classic, uint32_t index, struct level *level)
 {
-    enum status status = number_vertices(classic);
-    if (status != STATUS_OK)
-        return status;
     level->vertices = classic->vertex_count;
+    level->faces = classic->last_count;
+    level->error = classic->last_error;
+    level->reason = lod_stop_reason(level, classic->sequence.exhausted);
     struct level_source source = {.vertex_count = classic->vertex_count,
-                                  .face_count = classic->faces.count,
-                                  .faces = classic->faces.faces,
+                                  .face_count = classic->last_count,
+                                  .faces = classic->last_faces,
                                   .attributes = &classic->info->attributes,
                                   .is_float32 = classic->info->is_float32,
                                   .fetch = fetch_vertices,
@@ -140,9 +161,13 @@ static enum status make_level(struct classic *classic, uint32_t index, struct le
         status = patch_refine(&classic->faces, (level->wanted_faces - classic->faces.count) / 2);
     if (status != STATUS_OK)
         return status;
-    level->faces = classic->faces.count;
-    level->error = present_error(classic);
-    level->reason = lod_stop_reason(level, classic->sequence.exhausted);
+    if (classic->last_faces && classic->faces.count > classic->last_count)
+        return write_level(classic, index, level);
+    status = number_vertices(classic);
+    if (status != STATUS_OK)
+        return status;
+    exchange_with_last(classic);
+    classic->last_error = present_error(classic);
     if (classic->faces.bad > 0)
         tell(classic->ctx, MESSAGE_NOTE,
              "level %u: %llu patches were triangulated although their outline overlaps itself",
@@ -174,6 +199,7 @@ enum status lod_classic(struct context *ctx, struct chain_file *file,
     lod_sequence_end(&classic.sequence);
 done:
     level_faces_clear(ctx, &classic.faces);
+    memory_release(ctx, &classic.last_faces, classic.last_capacity, sizeof *classic.last_faces);
     memory_release(ctx, &classic.numbers, classic.graph.vertex_count, sizeof *classic.numbers);
     memory_release(ctx, &classic.vertices, classic.vertex_capacity, sizeof *classic.vertices);
     chain_graph_clear(&classic.graph);

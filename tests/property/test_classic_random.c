@@ -162,6 +162,8 @@ static uint64_t try_all_counts(struct run *run)
         verdict_must_fit(run, status, &report);
         for (uint32_t i = 0; i < report.level_count; i++) {
             level_must_hold(run, i, &report.levels[i]);
+            if (i > 0)
+                assert_true(report.levels[i].faces <= report.levels[i - 1].faces);
             if (report.levels[i].faces < fewest)
                 fewest = report.levels[i].faces;
         }
