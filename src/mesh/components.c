@@ -57,6 +57,18 @@ static bool unite_all(const struct draft *draft, const struct slab_scope *scope,
     return fits;
 }
 
+enum status component_begin(struct components *c, uint32_t lowest)
+{
+    if (c->count == c->capacity) {
+        enum status status =
+            memory_reserve(c->ctx, &c->list, &c->capacity, (size_t)c->count + 1, sizeof *c->list);
+        if (status != STATUS_OK)
+            return status;
+    }
+    c->list[c->count++] = (struct component){.lowest = lowest, .faces = 1, .open_id = NO_INDEX};
+    return STATUS_OK;
+}
+
 /* Parents become labels. A root stands before its faces, so one sweep flattens. */
 static enum status label_all(const struct draft *draft, const struct slab_scope *scope,
                              struct components *c)
@@ -66,20 +78,16 @@ static enum status label_all(const struct draft *draft, const struct slab_scope 
     c->count = 0;
     for (uint32_t f = 0; f < scope->face_count; f++) {
         if (label[f] >> 1 == f) {
-            if (c->count == c->capacity) {
-                enum status status = memory_reserve(draft->ctx, &c->list, &c->capacity,
-                                                    (size_t)c->count + 1, sizeof *c->list);
-                if (status != STATUS_OK)
-                    return status;
-            }
-            c->list[c->count] = (struct component){.lowest = f, .open_id = NO_INDEX};
-            label[f] = c->count++ << 1;
+            label[f] = c->count << 1;
+            enum status status = component_begin(c, f);
+            if (status != STATUS_OK)
+                return status;
         } else {
             uint32_t up = label[label[f] >> 1];
             label[f] = up ^ (label[f] & 1);
+            c->list[label[f] >> 1].faces++;
         }
         struct component *component = &c->list[label[f] >> 1];
-        component->faces++;
         component->turned += label[f] & 1;
         for (unsigned k = 0; k < 3; k++) {
             uint32_t over = draft->neighbours[3 * (first + f) + k];
@@ -123,12 +131,17 @@ enum status components_find(const struct draft *draft, const struct slab_scope *
         return status;
     if (!fits)
         mark_twisted(draft, scope, components);
+    components_number_open(components);
+    return STATUS_OK;
+}
+
+void components_number_open(struct components *components)
+{
     components->open_count = 0;
     for (uint32_t i = 0; i < components->count; i++) {
         if (components->list[i].open_id != NO_INDEX)
             components->list[i].open_id = components->open_count++;
     }
-    return STATUS_OK;
 }
 
 void components_clear(struct components *components)

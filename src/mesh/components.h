@@ -30,6 +30,12 @@ struct components { /* kept from slab to slab; all zero before the first use */
 
 enum status components_find(const struct draft *draft, const struct slab_scope *scope,
                             struct components *components) MUST_CHECK;
+
+/* By pieces, where another walk over the slab finds them: all zero but for ctx before the first
+ * use, count set to 0 for a slab. The new one has a face, `lowest`. */
+enum status component_begin(struct components *components, uint32_t lowest) MUST_CHECK;
+/* Numbers those whose open_id is not NO_INDEX. */
+void components_number_open(struct components *components);
 void components_clear(struct components *components);
 
 /* Whether the faces over edge k of f, edge m of g, run along it in the same direction. */

@@ -1,12 +1,23 @@
 /*
  * A slab's worker walks the fans of its vertices as far as they lie in the slab, unites its faces
- * to components, and follows its borders, each a few sweeps over arrays that stay in the cache.
+ * to components, and follows its borders.
+ *
+ * To unite the faces first, over all their edges, is a sweep of its own (components.c). But the
+ * walks pass each face three times and each edge twice, at hand for nothing: a face that is in no
+ * component comes into that of the face which the walk began at, and where a walk meets another
+ * component the two are joined. Walks begin in face order, so a component's first face is its
+ * lowest. That leaves out which side faces show. Nearly always all of a slab's faces agree; where
+ * a walk passes two that don't, the slab is surveyed again with components found beforehand.
  */
 #include "mesh/survey_slab.h"
 
 #include <string.h>
 
+#include "base/forest.h"
 #include "base/memory.h"
+
+enum { CORNER_BITS = 3 };
+static const uint32_t no_component = UINT32_MAX >> CORNER_BITS;
 
 /* Room for one more element of a vector. */
 static inline enum status make_room(struct context *ctx, void *list, size_t count, size_t *capacity,
@@ -30,42 +41,68 @@ static enum status add_half_link(const struct draft *draft, const struct surveyo
         return status;
     uint32_t from = draft->faces[3 * (size_t)f + leave];
     uint32_t to = draft->faces[3 * (size_t)f + next3(leave)];
-    uint32_t label = s->components.label[f - s->scope->face_first];
+    const uint32_t i = f - s->scope->face_first;
     uint64_t code = f < over ? code_of(f, leave) : code_of(over, mate_of(draft->mates, f, leave));
     part->links[part->link_count++] = (struct half_link){
         .key = code << 1 | (v == (from > to ? from : to)),
         .fan = (uint32_t)(part->rim_count - 1),
-        .component = s->components.list[label >> 1].open_id,
-        .runs = (uint32_t)(from < to) ^ (label & 1),
+        .component = s->marks[i] >> CORNER_BITS, /* until they are settled */
+        .runs = (uint32_t)(from < to) ^ (s->is_labelled ? s->components.label[i] & 1 : 0),
     };
     return STATUS_OK;
 }
 
+/* A walk that began in `component` ends at edge `leave` of f, which starts at the walk's vertex. */
+static void note_end(const struct draft *draft, struct surveyor *s, uint32_t component, uint32_t f,
+                     unsigned leave)
+{
+    struct component *c = &s->components.list[component];
+    if (draft->neighbours[3 * (size_t)f + leave] == NO_INDEX)
+        c->borders++;
+    else
+        c->open_id = 0;
+}
+
 /* Marks the corners of the fan that corner k of face f lies in, as far as it is in the slab; the
  * open ends are given as the face and the edge that it ends with. False: it is closed. */
-static bool walk_fan(const struct draft *draft, const struct surveyor *s, uint32_t f, unsigned k,
+static bool walk_fan(const struct draft *draft, struct surveyor *s, uint32_t f, unsigned k,
                      uint32_t end_face[2], unsigned end_edge[2])
 {
     const uint32_t first = s->scope->face_first, count = s->scope->face_count;
     const uint32_t v = draft->faces[3 * (size_t)f + k];
-    s->visited[f - first] |= (uint8_t)(1u << k);
-    for (int side = 0; side < 2; side++) {
+    const uint32_t component = s->marks[f - first] >> CORNER_BITS;
+    bool turned = false, is_closed = false;
+    uint32_t faces = 0; /* that were in no component */
+    s->marks[f - first] |= 1u << k;
+    for (unsigned side = 0; side < 2 && !is_closed; side++) {
         uint32_t at = f;
         unsigned corner = k, leave = side == 0 ? k : previous3(k);
         while (fan_step(draft, first, count, v, &at, &corner, &leave)) {
-            if (at == f)
-                return false;
-            s->visited[at - first] |= (uint8_t)(1u << corner);
+            turned |= (leave == corner) == side;
+            if (at == f) {
+                is_closed = true;
+                break;
+            }
+            /* No branch on what is new, for that can't be guessed. */
+            const uint32_t mark = s->marks[at - first], other = mark >> CORNER_BITS;
+            s->marks[at - first] = (mark & 7) | component << CORNER_BITS | 1u << corner;
+            faces += other == no_component;
+            if ((other != component) & (other != no_component))
+                forest_join(s->joined, component, other);
         }
         end_face[side] = at;
         end_edge[side] = leave;
     }
-    return true;
+    s->is_turned |= turned;
+    s->components.list[component].faces += faces;
+    if (!is_closed && !s->is_labelled)
+        note_end(draft, s, component, end_face[0], end_edge[0]);
+    return !is_closed;
 }
 
 /* A fan at a vertex that other slabs use too. */
-static enum status add_rim_fan(const struct draft *draft, const struct surveyor *s,
-                               struct part *part, uint32_t v, uint32_t f, unsigned k)
+static enum status add_rim_fan(const struct draft *draft, struct surveyor *s, struct part *part,
+                               uint32_t v, uint32_t f, unsigned k)
 {
     enum status status = make_room(draft->ctx, &part->rims, part->rim_count, &part->rim_capacity,
                                    sizeof *part->rims);
@@ -93,42 +130,140 @@ static enum status add_extra_fan(const struct draft *draft, struct part *part, u
     return status;
 }
 
-static enum status find_fans(const struct draft *draft, struct surveyor *s, struct part *part)
+/* Corner k of the slab's face i, which no walk has passed. */
+static enum status add_fan(const struct draft *draft, struct surveyor *s, struct part *part,
+                           uint32_t i, unsigned k)
 {
-    const struct slab_scope *scope = s->scope;
-    struct component *list = s->components.list;
+    const uint32_t f = s->scope->face_first + i, v = draft->faces[3 * (size_t)f + k];
+    const uint32_t own = v - s->scope->vertex_first;
+    const bool shared = is_shared(draft, v);
+    const bool is_first = own < s->scope->own_count && !s->seen[own];
     uint32_t end_face[2];
     unsigned end_edge[2];
-    memset(s->visited, 0, scope->face_count);
-    if (scope->own_count)
-        memset(s->seen, 0, scope->own_count);
-    for (uint32_t i = 0; i < scope->face_count; i++) {
-        const uint32_t f = scope->face_first + i;
-        for (unsigned k = 0; k < 3; k++) {
-            if (s->visited[i] >> k & 1)
-                continue;
-            const uint32_t v = draft->faces[3 * (size_t)f + k];
-            const uint32_t own = v - scope->vertex_first;
-            const bool shared = is_shared(draft, v);
-            const bool is_first = own < scope->own_count && !s->seen[own];
-            enum status status = STATUS_OK;
-            if (is_first) {
-                s->seen[own] = 1;
-                list[s->components.label[i] >> 1].vertices++;
-                part->shared_vertices += shared;
-            }
-            if (shared) {
-                status = add_rim_fan(draft, s, part, v, f, k);
-            } else {
-                (void)walk_fan(draft, s, f, k, end_face, end_edge);
-                if (!is_first)
-                    status = add_extra_fan(draft, part, v, f, k);
-            }
-            if (status != STATUS_OK)
-                return status;
-        }
+    if (is_first) {
+        s->seen[own] = 1;
+        s->components.list[s->marks[i] >> CORNER_BITS].vertices++;
+        part->shared_vertices += shared;
     }
+    if (shared)
+        return add_rim_fan(draft, s, part, v, f, k);
+    (void)walk_fan(draft, s, f, k, end_face, end_edge);
+    return is_first ? STATUS_OK : add_extra_fan(draft, part, v, f, k);
+}
+
+/* The component of face i, which no walk has passed, begins. */
+static enum status begin_component(struct surveyor *s, uint32_t i)
+{
+    const uint32_t number = s->components.count;
+    enum status status =
+        make_room(s->components.ctx, &s->joined, number, &s->joined_capacity, sizeof *s->joined);
+    if (status == STATUS_OK)
+        status = component_begin(&s->components, i);
+    if (status != STATUS_OK)
+        return status;
+    s->joined[number] = number;
+    s->marks[i] = number << CORNER_BITS;
     return STATUS_OK;
+}
+
+static enum status find_fans(const struct draft *draft, struct surveyor *s, struct part *part)
+{
+    part->fan_count = part->rim_count = part->link_count = 0;
+    part->shared_vertices = 0;
+    s->is_turned = false;
+    if (s->scope->own_count)
+        memset(s->seen, 0, s->scope->own_count);
+    enum status status = STATUS_OK;
+    for (uint32_t i = 0; i < s->scope->face_count && status == STATUS_OK; i++) {
+        unsigned left = ~s->marks[i] & 7; /* walks from a face do not pass its other corners */
+        if (s->marks[i] >> CORNER_BITS == no_component)
+            status = begin_component(s, i);
+        for (; left && status == STATUS_OK; left &= left - 1)
+            status = add_fan(draft, s, part, i, (unsigned)__builtin_ctz(left));
+    }
+    return status;
+}
+
+/* ---- components of a slab ---- */
+
+/* Joined ones become one in the list, which stays in the order of their lowest faces. */
+static void settle_components(struct surveyor *s, struct part *part)
+{
+    struct components *components = &s->components;
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < components->count; i++) {
+        const struct component *from = &components->list[i];
+        if (s->joined[i] == i) {
+            s->joined[i] = count;
+            components->list[count++] = *from;
+            continue;
+        }
+        s->joined[i] = s->joined[s->joined[i]]; /* a place already: */
+        struct component *to = &components->list[s->joined[i]];
+        to->faces += from->faces;
+        to->vertices += from->vertices;
+        to->borders += from->borders;
+        to->open_id = to->open_id < from->open_id ? to->open_id : from->open_id;
+    }
+    components->count = count;
+    components_number_open(components);
+    for (size_t i = 0; i < part->link_count; i++) {
+        uint32_t *component = &part->links[i].component;
+        *component = components->list[s->joined[*component]].open_id;
+    }
+}
+
+/* All zero before the first use. */
+static enum status reserve(struct context *ctx, struct surveyor *s)
+{
+    s->components.ctx = ctx;
+    enum status status =
+        memory_reserve(ctx, &s->marks, &s->mark_capacity, s->scope->face_count, sizeof *s->marks);
+    if (status == STATUS_OK)
+        status = memory_reserve(ctx, &s->seen, &s->seen_capacity, s->scope->own_count, 1);
+    return status;
+}
+
+/* Where faces do not agree: components first. */
+static enum status find_fans_in_labels(const struct draft *draft, struct surveyor *s,
+                                       struct part *part)
+{
+    s->is_labelled = true;
+    enum status status = components_find(draft, s->scope, &s->components);
+    if (status == STATUS_OK)
+        status = memory_reserve(draft->ctx, &s->joined, &s->joined_capacity, s->components.count,
+                                sizeof *s->joined);
+    if (status != STATUS_OK)
+        return status;
+    for (uint32_t i = 0; i < s->components.count; i++)
+        s->joined[i] = i;
+    for (uint32_t i = 0; i < s->scope->face_count; i++)
+        s->marks[i] = s->components.label[i] >> 1 << CORNER_BITS;
+    return find_fans(draft, s, part);
+}
+
+/* Fans and components. */
+static enum status walk_all(const struct draft *draft, struct surveyor *s, struct part *part)
+{
+    enum status status = reserve(draft->ctx, s);
+    if (status != STATUS_OK)
+        return status;
+    s->is_labelled = false;
+    s->components.count = 0;
+    for (uint32_t i = 0; i < s->scope->face_count; i++)
+        s->marks[i] = no_component << CORNER_BITS;
+    status = find_fans(draft, s, part);
+    if (status == STATUS_OK && s->is_turned)
+        status = find_fans_in_labels(draft, s, part);
+    if (status == STATUS_OK)
+        settle_components(s, part);
+    return status;
+}
+
+/* Of the slab's face i, once they are settled. */
+static uint32_t component_of(const struct surveyor *s, uint32_t i)
+{
+    return s->joined[s->marks[i] >> CORNER_BITS];
 }
 
 /* ---- borders of a slab ---- */
@@ -156,7 +291,7 @@ static enum status collect_borders(const struct draft *draft, struct surveyor *s
                 continue;
             uint32_t from = scope_local(scope, draft->faces[3 * f + k]);
             uint32_t to = scope_local(scope, draft->faces[3 * f + next3(k)]);
-            s->borders[found] = (struct border_edge){from, to, s->components.label[i] >> 1, false};
+            s->borders[found] = (struct border_edge){from, to, component_of(s, i), false};
             s->leaving[from] = found++;
             s->is_entered[to] = 1;
         }
@@ -214,7 +349,7 @@ static enum status find_loops(const struct draft *draft, struct surveyor *s, str
     return STATUS_OK;
 }
 
-/* ---- components of a slab ---- */
+/* ---- the whole ---- */
 
 static enum status hand_on_components(const struct draft *draft, const struct surveyor *s,
                                       struct part *part)
@@ -244,24 +379,14 @@ static enum status hand_on_components(const struct draft *draft, const struct su
     return STATUS_OK;
 }
 
-/* ---- the whole ---- */
-
 enum status survey_slab(const struct draft *draft, const struct slab_scope *scope,
                         struct surveyor *s, struct part *part)
 {
     s->scope = scope;
-    part->fan_count = part->rim_count = part->link_count = 0;
     part->open_count = part->path_count = 0;
-    part->shared_vertices = part->borders = part->loops = part->components = part->floor = 0;
+    part->borders = part->loops = part->components = part->floor = 0;
     part->is_turned = false;
-    enum status status = components_find(draft, scope, &s->components);
-    if (status == STATUS_OK)
-        status =
-            memory_reserve(draft->ctx, &s->visited, &s->visited_capacity, scope->face_count, 1);
-    if (status == STATUS_OK)
-        status = memory_reserve(draft->ctx, &s->seen, &s->seen_capacity, scope->own_count, 1);
-    if (status == STATUS_OK)
-        status = find_fans(draft, s, part);
+    enum status status = walk_all(draft, s, part);
     if (status == STATUS_OK)
         status = find_loops(draft, s, part);
     if (status == STATUS_OK)
@@ -272,7 +397,8 @@ enum status survey_slab(const struct draft *draft, const struct slab_scope *scop
 void surveyor_clear(struct context *ctx, struct surveyor *s)
 {
     components_clear(&s->components);
-    memory_release(ctx, &s->visited, s->visited_capacity, 1);
+    memory_release(ctx, &s->marks, s->mark_capacity, sizeof *s->marks);
+    memory_release(ctx, &s->joined, s->joined_capacity, sizeof *s->joined);
     memory_release(ctx, &s->seen, s->seen_capacity, 1);
     memory_release(ctx, &s->borders, s->border_capacity, sizeof *s->borders);
     memory_release(ctx, &s->leaving, s->leaving_capacity, sizeof *s->leaving);
