@@ -104,10 +104,11 @@ void chain_set_build(struct context *ctx, const struct slab_set *slabs,
         struct trace_counts counts;
         set->labels[i] = take(slab->face_count, sizeof **set->labels);
         struct chain_block block;
+        uint32_t patches;
+        must(patch_labels(ctx, slab, options, set->labels[i], &patches));
         must(patch_growth_begin(ctx, slab, options, &space));
         must(chain_trace(ctx, NULL, 0, slab, &space, &scratch, &block, &seams, &counts));
-        for (size_t f = 0; f < slab->face_count; f++)
-            set->labels[i][f] = space.local.faces[FACE_STRIDE * f + LABEL];
+        assert_int_equal(block.patch_count, patches);
         set->patch_counts[i] = block.patch_count;
         copy_block(ctx, &block, &set->blocks[i]);
         must(seam_join_add(join, &seams));

@@ -71,10 +71,12 @@ static enum status make_block(struct build *build, uint32_t index, struct worker
     if (!status)
         status = chain_trace(ctx, build->store, build->stride, &slab, &worker->grow, &worker->trace,
                              &block, &result->seams, &counts);
-    if (!status)
-        status =
-            chain_block_pack(ctx, &block, build->stride, build->level, worker->grow.room,
-                             worker->grow.room_capacity, &result->packed, &result->packed_size);
+    if (!status) {
+        size_t size;
+        void *room = trace_free_room(&worker->trace, &worker->grow, &size);
+        status = chain_block_pack(ctx, &block, build->stride, build->level, room, size,
+                                  &result->packed, &result->packed_size);
+    }
     slab_close(&slab);
     if (!status)
         count_block(&result->counts, &block, &counts);
@@ -167,13 +169,12 @@ static void fill_info(struct chain_info *info, const struct store_info *store,
  * Memory, in bytes of a slab of F = 2^18 faces that a worker has in hand, the worst being that
  * every face is a patch of its own:
  *
- *     faces, links, normals and their spare      4 * 16 F   (the last three serve twice over)
+ *     faces, links, normals and their spare      4 * 16 F   (all serve twice over)
  *     positions                                      6 F
  *     chains and patches, an eighth to spare  1.125 * (1.5 * 24 + 44) F
- *     the block's vertices                           8 F
  *     packed, waiting to be written             2 * 12 F
  *
- * which is 48 MiB; with attributes the slab is mapped (31 F), and their records lie in slab, block
+ * which is 46 MiB; with attributes the slab is mapped (31 F), and their records lie in slab, block
  * and packed block. What is shared is the seams' least, the sample that angles are fitted to, the
  * writer and what there is of each slab: 64 bytes.
  */

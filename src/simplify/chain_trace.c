@@ -69,7 +69,8 @@ void trace_workspace_clear(struct context *ctx, struct trace_workspace *scratch)
     memory_release(ctx, &scratch->interiors, scratch->interior_capacity, sizeof(uint32_t));
     memory_release(ctx, &scratch->patch_interiors, scratch->patch_interior_capacity,
                    sizeof(uint32_t));
-    memory_release(ctx, &scratch->patches, scratch->patch_capacity, sizeof *scratch->patches);
+    if (!scratch->has_lent_patches)
+        memory_release(ctx, &scratch->patches, scratch->patch_capacity, sizeof *scratch->patches);
     memory_release(ctx, &scratch->diagonals, scratch->diagonal_capacity, 2 * sizeof(uint32_t));
     memory_release(ctx, &scratch->seam_edges, scratch->seam_edge_capacity,
                    sizeof *scratch->seam_edges);
@@ -116,6 +117,42 @@ static enum status make_room(struct context *ctx, void *vector, size_t *capacity
     return status;
 }
 
+/* Patches begin in what growth has no use for, unless an earlier slab had too many for it. */
+static void lend_patches(struct trace_workspace *scratch, const struct patch_workspace *space)
+{
+    if (scratch->patches && !scratch->has_lent_patches)
+        return;
+    scratch->has_lent_patches = true;
+    scratch->patches = space->rest;
+    scratch->patch_capacity = space->rest_size / sizeof *scratch->patches;
+}
+
+static enum status make_patch_room(struct trace *trace, size_t needed)
+{
+    struct trace_workspace *s = trace->scratch;
+    struct patch *lent = s->patches;
+    if (needed <= s->patch_capacity)
+        return STATUS_OK;
+    if (!s->has_lent_patches)
+        return make_room(trace->ctx, &s->patches, &s->patch_capacity, needed, sizeof *s->patches);
+    s->patches = NULL;
+    s->patch_capacity = 0;
+    s->has_lent_patches = false;
+    enum status status =
+        make_room(trace->ctx, &s->patches, &s->patch_capacity, needed, sizeof *s->patches);
+    if (!status && trace->patch_count)
+        memcpy(s->patches, lent, trace->patch_count * sizeof *lent);
+    return status;
+}
+
+void *trace_free_room(const struct trace_workspace *scratch, const struct patch_workspace *space,
+                      size_t *size)
+{
+    unsigned char *from = scratch->has_lent_patches ? (unsigned char *)space->normals : space->room;
+    *size = space->room_capacity - (size_t)(from - space->room);
+    return from;
+}
+
 /* Makes room for whatever a patch can add: rarely more than a few comparisons. */
 static enum status reserve_patch(struct trace *trace, const struct grown_patch *patch)
 {
@@ -147,7 +184,7 @@ static enum status reserve_patch(struct trace *trace, const struct grown_patch *
         status = make_room(ctx, &s->diagonals, &s->diagonal_capacity, diagonals,
                            2 * sizeof *s->diagonals);
     if (!status)
-        status = make_room(ctx, &s->patches, &s->patch_capacity, patches, sizeof *s->patches);
+        status = make_patch_room(trace, patches);
     if (!status)
         status = make_room(ctx, &s->patch_interiors, &s->patch_interior_capacity, insides,
                            sizeof *s->patch_interiors);
@@ -474,6 +511,7 @@ enum status chain_trace(struct context *ctx, struct store *store, uint32_t strid
     scratch->codes = space->vertex_room;
     scratch->edges = space->vertex_room + space->local.vertex_count;
     memset(scratch->edges, 0, space->local.vertex_count * sizeof *scratch->edges);
+    lend_patches(scratch, space);
     enum status status = reserve(&trace);
     if (!status)
         status = trace_number_seams(&trace);

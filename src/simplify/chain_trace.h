@@ -32,7 +32,7 @@ struct slab_seams {
 };
 
 /* Arrays of one worker, all zero before its first use, kept from slab to slab; a traced block lies
- * in them. */
+ * in them and in what growth has done with. */
 struct trace_workspace {
     /* the first two lie in the room of growth */
     uint32_t *codes; /* a local vertex: trace_internal.h */
@@ -52,13 +52,14 @@ struct trace_workspace {
     size_t patch_interior_capacity;
     struct patch *patches;
     size_t patch_capacity;
+    bool has_lent_patches; /* they lie in the rest of growth's room */
     uint32_t *diagonals;
     size_t diagonal_capacity;
     struct seam_edge *seam_edges;
     size_t seam_edge_capacity;
     uint32_t *seam_vertices;
     size_t seam_vertex_capacity;
-    float *positions;
+    float *positions; /* only where they are more than growth's faces have room for */
     size_t position_capacity;
     unsigned char *records;
     size_t record_capacity;
@@ -72,15 +73,18 @@ struct trace_counts {
 
 /*
  * Makes the block of `slab` (without its seam chains) and its seams. `space` is one on which
- * patch_growth_begin has just been called for this slab; its faces have their labels afterwards.
+ * patch_growth_begin has just been called for this slab; its faces are used up afterwards.
  * `store` is asked for the attributes of foreign vertices and may be NULL when `stride` is 0. The
- * block's arrays are the workspace's, until its next use. STATUS_BAD_INPUT when the adjacency
- * contradicts itself.
+ * block's arrays are those of the workspace and of `space`, until the next use of either.
+ * STATUS_BAD_INPUT when the adjacency contradicts itself.
  */
 enum status chain_trace(struct context *ctx, struct store *store, uint32_t stride,
                         const struct slab *slab, struct patch_workspace *space,
                         struct trace_workspace *scratch, struct chain_block *block,
                         struct slab_seams *seams, struct trace_counts *counts) MUST_CHECK;
+/* What is free of the room of growth as long as the block is needed. */
+void *trace_free_room(const struct trace_workspace *scratch, const struct patch_workspace *space,
+                      size_t *size);
 void slab_seams_clear(struct context *ctx, struct slab_seams *seams);
 void trace_workspace_clear(struct context *ctx, struct trace_workspace *scratch);
 

@@ -328,8 +328,8 @@ static enum status reserve(struct context *ctx, struct patch_workspace *space, s
     if (!status && !space->boundary)
         status = memory_take(ctx, BOUNDARY_SIZE, sizeof *space->boundary, &space->boundary);
     if (!status) {
-        space->normals = (float *)(void *)space->room;
-        space->spare = (float *)(void *)(space->room + half);
+        space->spare = (float *)(void *)space->room;
+        space->normals = (float *)(void *)(space->room + half);
         space->links = (uint32_t *)(void *)(space->room + links_at);
     }
     return status;
@@ -353,6 +353,8 @@ static void begin(struct patch_workspace *space, const struct patch_options *opt
     uint32_t *marks = (uint32_t *)(void *)space->spare;
     memset(marks, 0xff, local->vertex_count * sizeof *marks);
     space->vertex_room = marks + local->vertex_count;
+    space->rest = space->vertex_room + 2 * (size_t)local->vertex_count;
+    space->rest_size = (size_t)((unsigned char *)space->normals - (unsigned char *)space->rest);
     local->faces[link_beyond(local, BEYOND_BORDER) | LABEL] = OVER_BORDER;
     local->faces[link_beyond(local, BEYOND_SEAM) | LABEL] = OVER_SEAM;
     space->growth = (struct growth){.faces = local->faces,
@@ -372,11 +374,16 @@ static enum status begin_slab(struct context *ctx, const struct slab *slab,
                               const struct patch_options *options, struct patch_workspace *space)
 {
     enum status status = slab_local_fill(ctx, slab, space->links, &space->local);
-    if (!status)
-        begin(
-            space, options,
-            face_normals_fill(&space->local, options->smoothings, &space->normals, &space->spare));
-    return status;
+    if (status)
+        return status;
+    if (options->smoothings % 2) { /* each swaps them; the normals are to be behind the spare */
+        float *swap = space->normals;
+        space->normals = space->spare;
+        space->spare = swap;
+    }
+    begin(space, options,
+          face_normals_fill(&space->local, options->smoothings, &space->normals, &space->spare));
+    return STATUS_OK;
 }
 
 enum status patch_growth_begin(struct context *ctx, const struct slab *slab,

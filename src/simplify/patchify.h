@@ -73,11 +73,13 @@ struct patch_workspace {
     struct slab_local local;
     float *normals;        /* face_normals.h */
     uint32_t *vertex_room; /* two numbers a local vertex, for whoever traces the patches */
-    /* What room holds: first a slab's bytes as read, then in their place the normals and their
-     * spare, then in the spare's marks and vertex_room; behind these the links; and when all is
-     * grown, what the user likes. */
+    /* What room holds: first a slab's bytes as read, then in their place the normals' spare and the
+     * normals, then in the spare's marks, vertex_room and the rest, which is the user's; behind
+     * these the links; and when all is grown, what the user likes. */
     unsigned char *room;
     size_t room_capacity;
+    void *rest;
+    size_t rest_size; /* bytes */
     /* private to patchify.c */
     float *spare;
     uint32_t *links;

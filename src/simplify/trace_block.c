@@ -144,7 +144,7 @@ static enum status gather_vertices(struct trace *trace, struct store *store, uin
                                    const uint32_t *vertices, size_t count, size_t to)
 {
     const struct slab_local *local = trace->local;
-    float *positions = trace->scratch->positions + 3 * to;
+    float *positions = trace->positions + 3 * to;
     for (size_t i = 0; i < count; i++)
         memcpy(positions + 3 * i, local->positions + 3 * (size_t)vertices[i], 3 * sizeof(float));
     enum status status = STATUS_OK;
@@ -180,6 +180,22 @@ static enum status gather_all(struct trace *trace, struct store *store, uint32_t
     return status;
 }
 
+/* Of the block, in place of the slab's faces, which are not looked at any more. */
+static enum status take_positions(struct trace *trace, size_t vertices)
+{
+    struct trace_workspace *scratch = trace->scratch;
+    const size_t values = 3 * vertices, there = FACE_STRIDE * (size_t)trace->local->face_count;
+    if (values <= there) {
+        trace->positions = (float *)(void *)trace->local->faces;
+        return STATUS_OK;
+    }
+    enum status status =
+        memory_reserve(trace->ctx, &scratch->positions, &scratch->position_capacity, vertices,
+                       3 * sizeof *scratch->positions);
+    trace->positions = scratch->positions;
+    return status;
+}
+
 enum status trace_make_block(struct trace *trace, struct store *store, uint32_t stride,
                              struct chain_block *block)
 {
@@ -190,8 +206,7 @@ enum status trace_make_block(struct trace *trace, struct store *store, uint32_t 
     const uint32_t bases[4] = {[KIND_JUNCTION] = 0,
                                [KIND_CHAIN] = (uint32_t)interior_first,
                                [KIND_SEAM] = (uint32_t)trace->junction_count};
-    enum status status = memory_reserve(trace->ctx, &scratch->positions,
-                                        &scratch->position_capacity, vertices, 3 * sizeof(float));
+    enum status status = take_positions(trace, vertices);
     if (!status)
         status = memory_reserve(trace->ctx, &scratch->records, &scratch->record_capacity,
                                 vertices * stride, 1);
@@ -211,7 +226,7 @@ enum status trace_make_block(struct trace *trace, struct store *store, uint32_t 
                                   .chain_count = (uint32_t)trace->chain_count,
                                   .patch_count = (uint32_t)trace->patch_count,
                                   .diagonal_count = (uint32_t)trace->diagonal_count,
-                                  .positions = scratch->positions,
+                                  .positions = trace->positions,
                                   .records = stride ? scratch->records : NULL,
                                   .seam_vertices = scratch->seam_vertices,
                                   .chains = scratch->chains,

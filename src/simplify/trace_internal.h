@@ -30,6 +30,7 @@ struct trace {
     const struct slab_local *local;
     const float *normals;
     struct trace_workspace *scratch;
+    float *positions; /* of the block */
     size_t patch_count;
     size_t chain_count;
     size_t junction_count;
