@@ -308,9 +308,10 @@ spbm_status spbm_lod(spbm_job *job, const char *chains, const char *output,
     if (status == STATUS_OK)
         status = read_chain_info(ctx, chains, &info);
     if (status == STATUS_OK) {
+        const struct target wanted = make_target(target);
         struct run_size size = {.faces = info.topology.faces,
                                 .stride = info.attributes.stride,
-                                .target = make_target(target)};
+                                .target = lod_whole_target(&wanted, &info)};
         status = stage_begin(job, STAGE_LOD, &size);
     }
     if (status == STATUS_OK)

@@ -382,6 +382,9 @@ SPBM_API void spbm_lod_defaults(spbm_lod_options *options);
 /*
  * Makes all levels of `target` from a chain file. `output` is a name; with several levels it holds
  * %d, which becomes the level's number (0 is the finest), and %% is a percent sign.
+ * By faces or ratio and without a bound of the error, a level is the same whatever others are made
+ * with it, if none is finer than those that the chain file was made for; these are passed on the
+ * way, also where they are not asked for.
  * `levels` may be NULL; it is filled on SPBM_OK and SPBM_TARGET_MISSED. In both cases all levels
  * are written. Fails otherwise as spbm_import does.
  */

@@ -122,6 +122,7 @@ static enum status start(struct context *ctx, const struct collapse_options *opt
         c->options.border_weight = BORDER_WEIGHT;
     c->vertex_count = c->vertex_room = c->vertex_slots = vertex_count;
     c->face_count = c->face_room = c->face_slots = c->live_faces = face_count;
+    c->reference_room = face_count;
     if (attributes)
         c->attributes = *attributes;
     return STATUS_OK;
@@ -248,16 +249,19 @@ static enum status copy_array(struct context *ctx, const void *from, size_t coun
     return status;
 }
 
-enum status collapse_copy(const struct collapse *from, uint32_t variant, struct collapse **out)
+enum status collapse_copy(const struct collapse *from, struct collapse **out)
 {
     struct context *ctx = from->ctx;
-    const size_t vertices = (size_t)from->vertex_count;
+    const size_t vertices = (size_t)from->vertex_slots;
     enum status status = memory_take(ctx, 1, sizeof **out, out);
     if (status != STATUS_OK)
         return status;
     struct collapse *c = *out;
     *c = *from;
-    c->options.variant = variant;
+    c->pause_faces = 0;
+    /* what is dead at the end has no room in the copy */
+    c->vertex_count = c->vertex_room = from->vertex_slots;
+    c->face_room = from->face_slots;
     c->corners = NULL;
     c->vertices = NULL;
     c->keys = NULL;
@@ -277,6 +281,11 @@ enum status collapse_copy(const struct collapse *from, uint32_t variant, struct 
     if (status != STATUS_OK)
         collapse_end(out);
     return status;
+}
+
+void collapse_set_variant(struct collapse *c, uint32_t variant)
+{
+    c->options.variant = variant;
 }
 
 /* ---- collapsing ---- */
@@ -311,12 +320,17 @@ static enum status set_bound(struct collapse *c, double bound)
     return keys_sample(c);
 }
 
+static bool is_paused(const struct collapse *c)
+{
+    return c->live_faces <= c->pause_faces;
+}
+
 /* Collapses down to `most_faces`, with the bound that is set; *done: nothing more is to be had. */
 static enum status run_down(struct collapse *c, uint64_t most_faces, bool *done)
 {
     const double part = sweep_part(c);
     *done = false;
-    while (c->live_faces > most_faces) {
+    while (c->live_faces > most_faces && !is_paused(c)) {
         const uint64_t left = c->live_faces - most_faces;
         uint64_t wanted = (uint64_t)((double)c->live_faces / 2 * part);
         wanted = wanted < left / 2 ? wanted : left / 2;
@@ -388,7 +402,7 @@ static bool vertex_is_flat(const struct collapse *c, uint32_t v)
  * computation the mean error is half to a tenth this way. Of scans 2 % of the vertices are so at
  * most, of a CT scan with its terraces 12 %, of parts 5 to 99 %.
  */
-static enum status run_flat(struct collapse *c, uint64_t most_faces, double bound, bool *done)
+static void find_flat(struct collapse *c)
 {
     enum { SAMPLE_STEP = 16, FLAT_SHARE = 16 };
     uint64_t flat = 0, seen = 0;
@@ -398,16 +412,30 @@ static enum status run_flat(struct collapse *c, uint64_t most_faces, double boun
         seen++;
         flat += vertex_is_flat(c, (uint32_t)v);
     }
-    c->flat_is_left = flat * FLAT_SHARE >= seen;
+    c->flat_is_left = c->flat_has_begun = flat * FLAT_SHARE >= seen;
+}
+
+static enum status run_flat(struct collapse *c, uint64_t most_faces, double bound, bool *done)
+{
+    if (!c->flat_has_begun)
+        find_flat(c);
     if (!c->flat_is_left)
         return STATUS_OK;
     enum status status = set_bound(c, fmin(bound, FLAT_ERROR / (double)c->unit));
     if (status == STATUS_OK)
         status = run_down(c, most_faces, done);
+    if (status != STATUS_OK || (c->live_faces > most_faces && is_paused(c)))
+        return status;
     c->flat_is_left = c->live_faces <= most_faces;
+    c->flat_has_begun = false;
     c->typical_error = c->error_sum = 0;
     c->error_count = 0;
     return status;
+}
+
+void collapse_pause_at(struct collapse *c, uint64_t faces)
+{
+    c->pause_faces = faces;
 }
 
 enum status collapse_approach(struct collapse *c, uint64_t faces, double most_error)
@@ -425,15 +453,19 @@ enum status collapse_run(struct collapse *c, uint64_t most_faces, double most_er
     bool done = false;
     const double bound = most_error * c->scale;
     const bool bounded = bound < INFINITY;
+    if (is_paused(c))
+        return STATUS_OK;
     if (c->flat_is_left)
         status = run_flat(c, most_faces, bounded ? bound * BOUND_PART : INFINITY, &done);
-    if (status != STATUS_OK)
+    if (status != STATUS_OK || is_paused(c))
         return status;
     const uint64_t faces = next_reference(c, most_faces, bounded);
     if (faces > 0) {
         status = set_bound(c, bounded ? bound * BOUND_PART : INFINITY);
         if (status == STATUS_OK)
             status = run_down(c, faces, &done);
+        if (status == STATUS_OK && is_paused(c))
+            return STATUS_OK;
         if (status == STATUS_OK && c->live_faces > most_faces &&
             (!done || (c->held_back && c->live_faces <= reference_most_faces(c))))
             status = reference_take(c);

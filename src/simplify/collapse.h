@@ -25,7 +25,7 @@ struct collapse_options {
                              stand in the way of fewer faces */
     bool roughly;       /* errors are not measured on the way: witnesses are carried along, no edge
                            waits for its error; not with a bound of the error */
-    uint32_t variant;   /* collapse_copy */
+    uint32_t variant;   /* collapse_set_variant */
     const char *source; /* the file that the mesh was made from: damage to it is then the reason
                            when the mesh is not manifold (STATUS_BAD_INPUT). NULL: the caller's
                            defect (STATUS_INTERNAL) */
@@ -72,10 +72,14 @@ enum status collapse_run(struct collapse *collapse, uint64_t most_faces,
 /* Part of the way to such a target: collapse_run() goes on from there. */
 enum status collapse_approach(struct collapse *collapse, uint64_t faces,
                               double most_error) MUST_CHECK;
-/* A second one in the same state, whose further collapses come in another order: each `variant`
- * has its own, 0 that of the original. */
-enum status collapse_copy(const struct collapse *collapse, uint32_t variant,
-                          struct collapse **out) MUST_CHECK;
+/* From now on, where no error is given, collapse_run() and collapse_approach() return early, as
+ * soon as between two sweeps no more than so many faces are left (0: never). Called again with the
+ * same target and a lower pause they go on as if they had never paused. */
+void collapse_pause_at(struct collapse *collapse, uint64_t faces);
+/* A second one in the same state, that never pauses. */
+enum status collapse_copy(const struct collapse *collapse, struct collapse **out) MUST_CHECK;
+/* From now on collapses come in another order: each variant has its own; 0 at first. */
+void collapse_set_variant(struct collapse *collapse, uint32_t variant);
 
 uint64_t collapse_faces(const struct collapse *collapse);
 /* Estimated largest distance so far. */

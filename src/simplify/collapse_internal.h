@@ -69,12 +69,15 @@ struct collapse {
     uint64_t vertex_count, face_count; /* at first */
     uint64_t vertex_room, face_room;   /* allocated of vertices and corners */
     uint64_t live_faces;
+    uint64_t pause_faces;    /* collapse_pause_at */
+    uint64_t reference_room; /* faces that there was room for at first, or at the last reference */
     double origin[3];
     double scale; /* power of two that makes edges about 1 long, so that floats neither over- nor
                      underflow */
     float unit;   /* power of two that makes the mean edge about 1, scaled or not */
     bool is_float32;
     bool flat_is_left;    /* there may be edges still whose collapse costs nothing */
+    bool flat_has_begun;  /* they are being collapsed */
     bool held_back;       /* edges wait for a larger error bound */
     double error_bound;   /* of the present run */
     double typical_error; /* mean error of the last sweep's collapses; 0 before */

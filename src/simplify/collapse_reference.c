@@ -62,7 +62,7 @@ enum status reference_copy(const struct collapse *from, struct collapse *to)
 uint64_t reference_most_faces(const struct collapse *c)
 {
     /* a face of the reference takes 74 bytes while the tree is built, one of the mesh 58 */
-    return (c->face_count > c->face_room ? c->face_room : c->face_count) * 2 / 5;
+    return c->reference_room * 2 / 5;
 }
 
 /* Gives back what the arrays have no use for any more. */
@@ -72,7 +72,7 @@ static enum status shrink(struct collapse *c)
                                        (size_t)c->face_slots, 3 * sizeof *c->corners);
     if (status != STATUS_OK)
         return status;
-    c->face_room = c->face_slots;
+    c->face_room = c->reference_room = c->face_slots;
     status = memory_resize(c->ctx, &c->vertices, (size_t)c->vertex_room, (size_t)c->vertex_slots,
                            sizeof *c->vertices);
     if (status == STATUS_OK)

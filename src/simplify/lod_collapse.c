@@ -5,12 +5,13 @@
  * of it already: each block gives a small mesh (small_mesh.h) of its chains and patches alone.
  * Blocks are independent jobs, their seam vertices locked, and go down to SLACK times the density
  * that the finest level needs; then they are joined, JOIN_WIDTH at a time along the curve, what has
- * become interior is unlocked and goes down with the rest, up to the root, which makes the levels,
- * finest first, in one sequence. Down to SLACK times the density no collapse comes near the errors
- * that the levels will have, so that they are measured only where an error is asked for or the root
- * is at work: the mean errors stay within half a percent, the largest go up and down alike (noisy
- * scan, dragon; a quarter of the time of nodes below the root). What is done depends on the chain
- * file and the targets only.
+ * become interior is unlocked and goes down with the rest, up to the root, which makes the levels
+ * (lod_levels.c). The finest level is the one that the chain file was made for, if none that is
+ * asked for is finer, so that the root is the same for all. Down to SLACK times the density no
+ * collapse comes near the errors that the levels will have, so that they are measured only where an
+ * error is asked for or the root is at work: the mean errors stay within half a percent, the
+ * largest go up and down alike (noisy scan, dragon; a quarter of the time of nodes below the root).
+ * What is done depends on the chain file and the targets only.
  */
 #include "simplify/lod_collapse.h"
 
@@ -19,9 +20,7 @@
 
 #include "base/memory.h"
 #include "base/parallel.h"
-#include "simplify/collapse.h"
-#include "simplify/lod_output.h"
-#include "simplify/lod_target.h"
+#include "simplify/lod_levels.h"
 #include "simplify/small_mesh.h"
 
 enum { JOIN_WIDTH = 8 };
@@ -35,11 +34,6 @@ static const double SLACK[4] = {10, 4, 7, 10};
  * effort: taking it up would cost more than what the next node has to do less. The root's memory is
  * counted with ten times the finest level. */
 static const double NEARLY[4] = {1, 1.25, 1.25, 1};
-/* A level of at most so many faces is made so many times, by effort, from so many times its faces
- * on. */
-static const uint64_t TRIED_FACES[4] = {0, 0, 2500, 5000};
-static const uint32_t TRIES[4] = {1, 1, 3, 5};
-enum { TRIED_FROM = 8, TRIED_FROM_LEAST = 6000 };
 /* A block is collapsed up to this part of the finest level's error. */
 static const double ERROR_PART = 0.5;
 /* Chain tolerance as a part of the mean edge of the finest level, and of the finest error. */
@@ -53,9 +47,10 @@ struct lod {
     const struct lod_options *options;
     struct lod_report *report;
     struct collapse_options collapse;
+    struct milestones milestones;
     uint32_t stride;
     double tolerance;
-    uint64_t finest_faces; /* 0: an error is asked for */
+    uint64_t finest_faces; /* of the file or asked for; 0: an error is asked for */
     double finest_error;
     struct small_workspace *spaces; /* one a worker */
     struct small_mesh *nodes;       /* of one stage of the tree */
@@ -77,12 +72,13 @@ static void choose_fineness(struct lod *lod)
         diagonal += side * side;
     }
     diagonal = sqrt(diagonal);
-    lod->finest_faces = finest->wanted_faces;
+    lod_target_milestones(&lod->options->target, lod->info, &lod->milestones);
+    lod->finest_faces = lod->milestones.count > 0 ? lod->milestones.faces[0] : finest->wanted_faces;
     lod->finest_error = lod_error_bound(finest);
     lod->tolerance = INFINITY;
-    if (finest->wanted_faces) {
+    if (lod->finest_faces) {
         /* edge of an equilateral triangle: area = sqrt(3) / 4 edge^2 */
-        const double face = lod->info->area / (double)finest->wanted_faces;
+        const double face = lod->info->area / (double)lod->finest_faces;
         lod->tolerance = EDGE_PART * sqrt(2.31 * face);
     }
     lod->tolerance = fmin(lod->tolerance, TOLERANCE_PART * lod->finest_error);
@@ -275,97 +271,12 @@ static enum status join_nodes(struct lod *lod)
 
 /* ---- the levels ---- */
 
-/* Which of two is the better level: fewer faces where only an error is asked for, else the smaller
- * error. */
-static bool is_better(const struct level *level, uint64_t faces, double error, uint64_t than_faces,
-                      double than_error)
-{
-    faces = faces > level->wanted_faces ? faces : level->wanted_faces;
-    than_faces = than_faces > level->wanted_faces ? than_faces : level->wanted_faces;
-    return faces != than_faces ? faces < than_faces : error < than_error;
-}
-
-/*
- * Runs down to a level. The largest distance hangs on chance, on which edge came before which other
- * at a few places: runs of other orders have the same means and largest distances that differ by
- * tens of percent. So small meshes, where it costs next to nothing, are run several times and the
- * best is taken.
- */
-static enum status run_to_level(struct lod *lod, struct collapse **collapse, struct level *level)
-{
-    const uint32_t effort = effort_of(lod);
-    const uint64_t faces = level->wanted_faces, times = TRIED_FROM * faces;
-    const uint64_t begin = times > TRIED_FROM_LEAST ? times : TRIED_FROM_LEAST;
-    const bool is_small =
-        (faces > 0 ? times : collapse_faces(*collapse)) <= TRIED_FROM * TRIED_FACES[effort];
-    const uint32_t tries = is_small ? TRIES[effort] : 1;
-    struct collapse *start = *collapse, *best = NULL;
-    enum status status = STATUS_OK;
-    if (tries > 1 && collapse_faces(start) > begin && faces > 0)
-        status = collapse_approach(start, begin, lod_error_bound(level));
-    for (uint32_t i = 0; i < tries && status == STATUS_OK; i++) {
-        struct collapse *next = NULL;
-        double error = INFINITY;
-        if (i + 1 < tries) {
-            status = collapse_copy(start, i + 1, &next); /* the last is variant 0 */
-        } else {
-            next = start;
-            start = NULL;
-        }
-        if (status == STATUS_OK)
-            status = collapse_run(next, level->wanted_faces, lod_error_bound(level));
-        if (status == STATUS_OK)
-            status = collapse_error(next, &error);
-        if (status == STATUS_OK && (!best || is_better(level, collapse_faces(next), error,
-                                                       collapse_faces(best), level->error))) {
-            struct collapse *worse = best;
-            best = next;
-            next = worse;
-            level->error = error;
-        }
-        collapse_end(&next);
-    }
-    collapse_end(&start);
-    *collapse = best;
-    return status;
-}
-
-static enum status make_level(struct lod *lod, struct collapse **collapse, uint32_t index)
-{
-    struct level *level = &lod->report->levels[index];
-    struct mesh mesh;
-    enum status status = run_to_level(lod, collapse, level);
-    level->error = fmax(level->error, lod->lost);
-    if (status == STATUS_OK)
-        status = collapse_extract(*collapse, &mesh, NULL);
-    if (status != STATUS_OK)
-        return status;
-    for (size_t i = 0; i < (size_t)mesh.vertex_count * 3; i++)
-        mesh.positions[i] += lod->info->origin[i % 3];
-    mesh.is_float32 = lod->info->is_float32;
-    mesh.attributes = lod->info->attributes;
-    level->vertices = mesh.vertex_count;
-    level->faces = mesh.face_count;
-    level->reason = lod_stop_reason(level, collapse_exhausted(*collapse));
-    status = lod_output_mesh(lod->ctx, lod->options, index, &mesh);
-    mesh_clear(lod->ctx, &mesh);
-    return status;
-}
-
 static enum status make_levels(struct lod *lod)
 {
-    struct collapse *collapse = NULL;
     struct small_mesh empty = {0};
-    struct small_mesh *root = lod->info->slab_count > 0 ? &lod->nodes[0] : &empty;
-    struct collapse_options options = lod->collapse;
-    options.together = true;
-    options.measured = true;
-    enum status status = collapse_begin_giving(lod->ctx, &options, &root->triangles,
-                                               &lod->info->attributes, &collapse);
-    for (uint32_t i = 0; i < lod->report->level_count && status == STATUS_OK; i++)
-        status = make_level(lod, &collapse, i);
-    collapse_end(&collapse);
-    return status;
+    struct small_mesh *whole = lod->info->slab_count > 0 ? &lod->nodes[0] : &empty;
+    const struct lod_root root = {&whole->triangles, lod->lost, lod->collapse, &lod->milestones};
+    return lod_levels_make(lod->ctx, lod->info, lod->options, &root, lod->report);
 }
 
 enum status lod_collapse(struct context *ctx, struct chain_file *file,

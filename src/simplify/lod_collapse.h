@@ -8,7 +8,7 @@
 
 /*
  * Makes and writes all levels of `report`, which lod_target_levels has filled in, finest first,
- * from one sequence of collapses; fills in what each level has become, and small_faces.
+ * as lod_levels.h says; fills in what each level has become, and small_faces.
  *
  * Memory: 60 bytes a face of the mesh that is being collapsed (a slab's in each thread, then
  * the joined one), 38 a face of those that wait for being joined; attribute records add half their

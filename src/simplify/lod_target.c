@@ -22,6 +22,13 @@ static double box_diagonal(const struct chain_info *info)
     return sqrt(sum);
 }
 
+static uint64_t ratio_faces(const struct chain_info *info, double ratio)
+{
+    const uint64_t faces =
+        ratio < 1 ? (uint64_t)(ratio * (double)info->topology.faces) : info->topology.faces;
+    return faces > 0 ? faces : 1;
+}
+
 /* What one value of the target wants. */
 static enum status read_value(struct context *ctx, const struct target *target,
                               const struct chain_info *info, double value, struct level *level)
@@ -39,9 +46,7 @@ static enum status read_value(struct context *ctx, const struct target *target,
     case TARGET_RATIO:
         if (!(value > 0 && value <= 1))
             return fail(ctx, STATUS_MISUSE, "a ratio of %g is not in (0, 1]", value);
-        level->wanted_faces = (uint64_t)(value * (double)info->topology.faces);
-        if (level->wanted_faces == 0)
-            level->wanted_faces = 1;
+        level->wanted_faces = ratio_faces(info, value);
         return STATUS_OK;
     case TARGET_ERROR:
         if (!(value >= 0 && value < INFINITY))
@@ -70,6 +75,73 @@ enum status lod_target_levels(struct context *ctx, const struct target *target,
         report->levels[place] = level;
     }
     return STATUS_OK;
+}
+
+/* ---- milestones ---- */
+
+/* Of a file that was made for an error, so many patches are enough for one face of a level. */
+static const uint64_t PATCHES_A_FACE = 10;
+
+/* Keeps the counts descending, each once. */
+static void add_milestone(struct milestones *milestones, uint64_t faces)
+{
+    uint32_t place = 0;
+    while (place < milestones->count && milestones->faces[place] > faces)
+        place++;
+    if (place < milestones->count && milestones->faces[place] == faces)
+        return;
+    for (uint32_t i = milestones->count++; i > place; i--)
+        milestones->faces[i] = milestones->faces[i - 1];
+    milestones->faces[place] = faces;
+}
+
+/* What a file's target wants, as far as it makes sense: it may be anything that is finite. */
+static uint64_t made_for(const struct chain_info *info, double value)
+{
+    const double faces = (double)info->topology.faces;
+    const double wanted = info->target_kind == TARGET_RATIO ? value * faces : value;
+    if (!(wanted >= 1))
+        return 1;
+    if (!(wanted < faces))
+        return info->topology.faces;
+    return info->target_kind == TARGET_RATIO ? ratio_faces(info, value) : (uint64_t)value;
+}
+
+void lod_target_milestones(const struct target *target, const struct chain_info *info,
+                           struct milestones *milestones)
+{
+    milestones->count = 0;
+    if (target->kind == TARGET_ERROR || target->error_bound > 0)
+        return;
+    if (info->target_kind == TARGET_ERROR || info->target_count == 0)
+        add_milestone(milestones, info->patches / PATCHES_A_FACE + 1);
+    else
+        for (uint32_t i = 0; i < info->target_count; i++)
+            add_milestone(milestones, made_for(info, info->targets[i]));
+    uint64_t finest = 0;
+    for (uint32_t i = 0; i < target->count && i < TARGETS_MAX; i++) {
+        const double value = target->values[i];
+        if (!(value > 0 && value < 0x1p63))
+            continue; /* is refused elsewhere */
+        const uint64_t faces =
+            target->kind == TARGET_RATIO ? ratio_faces(info, value) : (uint64_t)value;
+        finest = faces > finest ? faces : finest;
+    }
+    if (finest > milestones->faces[0])
+        add_milestone(milestones, finest);
+}
+
+struct target lod_whole_target(const struct target *target, const struct chain_info *info)
+{
+    struct target whole = *target;
+    struct milestones milestones;
+    lod_target_milestones(target, info, &milestones);
+    if (milestones.count > 0 && target->mode == MODE_COLLAPSE) {
+        whole.kind = TARGET_FACES;
+        whole.count = 1;
+        whole.values[0] = (double)milestones.faces[0];
+    }
+    return whole;
 }
 
 /* An error is an estimate, good within a factor of 2, and so is an error that was asked for. */

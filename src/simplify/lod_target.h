@@ -14,6 +14,20 @@
 enum status lod_target_levels(struct context *ctx, const struct target *target,
                               const struct chain_info *info, struct lod_report *report) MUST_CHECK;
 
+/*
+ * The counts, descending, that the collapses of a chain file stop at in any case, so that what is
+ * done depends on the file and not on the levels that are asked for: those that it was made for (of
+ * a file made for errors: a count that its patches are enough for), and the finest level that is
+ * asked for where that is finer. None, when an error or a bound is asked for.
+ */
+struct milestones {
+    uint32_t count;
+    uint64_t faces[TARGETS_MAX + 1];
+};
+
+void lod_target_milestones(const struct target *target, const struct chain_info *info,
+                           struct milestones *milestones);
+
 /* The error that the level must not pass: the one asked for, or the bound that was given with a
  * count or ratio; INFINITY when there is none. */
 double lod_error_bound(const struct level *level);

@@ -105,7 +105,13 @@ struct lod_report {
 uint64_t lod_least_memory(const struct target *target, uint64_t faces, unsigned threads,
                           uint32_t stride);
 
-/* Makes the levels. STATUS_TARGET_MISSED when all are written but one missed its target. */
+/* What lod_least_memory is to be asked about when levels are made from that chain file: it may have
+ * been made for finer ones, which are then passed on the way. */
+struct target lod_whole_target(const struct target *target, const struct chain_info *info);
+
+/* Makes the levels. In mode collapse, with counts and no bound of the error, each is the same
+ * whatever others are made with it, if none is finer than those that the file was made for.
+ * STATUS_TARGET_MISSED when all are written but one missed its target. */
 enum status lod_build(struct context *ctx, const char *chain_path, const struct lod_options *options,
                       struct lod_report *report) MUST_CHECK;
 

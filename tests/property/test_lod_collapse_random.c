@@ -1,7 +1,7 @@
 /*
  * Mode collapse over many small slabs: the small meshes of random patches, joined, are manifold
  * with the topology they came from; so is every level that lod_build writes, whatever the threads,
- * with the faces asked for.
+ * with the faces asked for, and the same in any company.
  */
 #include <math.h>
 #include <stdio.h>
@@ -157,29 +157,56 @@ static void check_level(struct context *ctx, const char *path, const struct fact
     mesh_clear(ctx, &mesh);
 }
 
+/* A random mesh, and the chain file of it in small slabs, made for counts of these parts of its
+ * faces. */
+static void make_chains(struct context *ctx, unsigned round, uint64_t *random, const double *parts,
+                        uint32_t count, const char *chains, struct mesh *mesh)
+{
+    struct shape shape = make_shape(round % SHAPES, random);
+    struct slab_set slabs;
+    struct chain_set set;
+    shape_into_mesh(ctx, &shape, mesh);
+    slab_set_build(mesh, 60 + (uint32_t)random_below(random, 700), &slabs);
+    const double angle = 4 + 20 * random_unit(random);
+    const struct patch_options patch =
+        test_patch_options(angle, angle * 0.9, (uint32_t)random_below(random, 3));
+    chain_set_build(ctx, &slabs, &patch, &set);
+    set.info.area = mesh_area(mesh);
+    set.info.topology.faces = mesh->face_count;
+    set.info.target_kind = TARGET_FACES;
+    set.info.target_count = count;
+    for (uint32_t i = 0; i < count; i++)
+        set.info.targets[i] = floor(parts[i] * (double)mesh->face_count);
+    chain_set_write(&set, chains, 0);
+    chain_set_free(&set);
+    slab_set_free(&slabs);
+}
+
+static void must_be_alike(const char *path, const char *other)
+{
+    size_t size[2];
+    unsigned char *bytes[2] = {test_read_file(path, &size[0]), test_read_file(other, &size[1])};
+    assert_non_null(bytes[0]);
+    assert_non_null(bytes[1]);
+    assert_int_equal(size[0], size[1]);
+    assert_memory_equal(bytes[0], bytes[1], size[0]);
+    free(bytes[0]);
+    free(bytes[1]);
+}
+
 static void levels_keep_the_topology(void **state)
 {
     (void)state;
+    const double parts[] = {0.25, 0.1};
     uint64_t random = 11;
     for (unsigned round = 0; round < 6 * SHAPES; round++) {
-        struct shape shape = make_shape(round % SHAPES, &random);
         struct context ctx;
         struct mesh mesh;
-        struct slab_set slabs;
-        struct chain_set set;
-        context_init(&ctx);
-        shape_into_mesh(&ctx, &shape, &mesh);
-        const struct facts was = facts_of(&mesh);
-        slab_set_build(&mesh, 60 + (uint32_t)random_below(&random, 700), &slabs);
-        const double angle = 4 + 20 * random_unit(&random);
-        const struct patch_options patch =
-            test_patch_options(angle, angle * 0.9, (uint32_t)random_below(&random, 3));
-        chain_set_build(&ctx, &slabs, &patch, &set);
-        set.info.area = mesh_area(&mesh);
-        set.info.topology.faces = mesh.face_count;
         char path[2][256], output[2][256], chains[256];
         snprintf(chains, sizeof chains, "%s", test_path("lod.chains"));
-        chain_set_write(&set, chains, 0);
+        context_init(&ctx);
+        make_chains(&ctx, round, &random, parts, round % 3, chains, &mesh);
+        const struct facts was = facts_of(&mesh);
         struct target target = {.kind = TARGET_FACES, .count = 2, .mode = MODE_COLLAPSE};
         target.effort = 1 + round % 3;
         target.values[0] = (double)(mesh.face_count / 4);
@@ -199,18 +226,49 @@ static void levels_keep_the_topology(void **state)
                 snprintf(path[i], sizeof path[i], "%s", test_path(name));
             }
             check_level(&ctx, path[0], &was, &report.levels[level]);
-            size_t size[2];
-            unsigned char *bytes[2] = {test_read_file(path[0], &size[0]),
-                                       test_read_file(path[1], &size[1])};
-            assert_non_null(bytes[0]);
-            assert_non_null(bytes[1]);
-            assert_int_equal(size[0], size[1]);
-            assert_memory_equal(bytes[0], bytes[1], size[0]);
-            free(bytes[0]);
-            free(bytes[1]);
+            must_be_alike(path[0], path[1]);
         }
-        chain_set_free(&set);
-        slab_set_free(&slabs);
+        mesh_clear(&ctx, &mesh);
+        assert_int_equal(ctx.memory_now, 0);
+        context_clear(&ctx);
+    }
+}
+
+/* A level is the same, byte for byte, made alone or with any others that are not finer than what
+ * the file was made for; also where levels are made several times, and below the file's own. */
+static void levels_do_not_depend_on_company(void **state)
+{
+    (void)state;
+    const double parts[] = {0.5, 0.2, 0.06};
+    /* of the file's own, between them, below them, and nearly alike */
+    const double wanted[] = {0.5, 0.45, 0.21, 0.2, 0.19, 0.1, 0.06, 0.055, 0.02};
+    enum { WANTED = sizeof wanted / sizeof *wanted };
+    uint64_t random = 23;
+    for (unsigned round = 0; round < 3 * SHAPES; round++) {
+        struct context ctx;
+        struct mesh mesh;
+        struct lod_report all, one;
+        char chains[256], path[256], name[32];
+        snprintf(chains, sizeof chains, "%s", test_path("company.chains"));
+        context_init(&ctx);
+        make_chains(&ctx, round, &random, parts, 1 + round % 3, chains, &mesh);
+        const enum placement place = round % 2 ? PLACE_SUBSET : PLACE_OPTIMAL;
+        struct target target = {.kind = TARGET_FACES, .count = WANTED, .mode = MODE_COLLAPSE};
+        target.effort = 1 + round / SHAPES % 3;
+        for (unsigned i = 0; i < WANTED; i++)
+            target.values[i] = floor(wanted[i] * (double)mesh.face_count);
+        make_levels(&ctx, chains, &target, place, test_path("all-%d.ply"), &all);
+        target.count = 1;
+        for (unsigned i = 0; i < WANTED; i++) {
+            target.values[0] = floor(wanted[i] * (double)mesh.face_count);
+            snprintf(path, sizeof path, "%s", test_path("alone.ply"));
+            make_levels(&ctx, chains, &target, place, path, &one);
+            assert_int_equal(one.levels[0].faces, all.levels[i].faces);
+            assert_true(one.levels[0].error == all.levels[i].error);
+            assert_int_equal(one.levels[0].reason, all.levels[i].reason);
+            snprintf(name, sizeof name, "all-%u.ply", i);
+            must_be_alike(test_path(name), path);
+        }
         mesh_clear(&ctx, &mesh);
         assert_int_equal(ctx.memory_now, 0);
         context_clear(&ctx);
@@ -220,6 +278,7 @@ static void levels_keep_the_topology(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(small_meshes_keep_the_topology),
-                                       cmocka_unit_test(levels_keep_the_topology)};
+                                       cmocka_unit_test(levels_keep_the_topology),
+                                       cmocka_unit_test(levels_do_not_depend_on_company)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

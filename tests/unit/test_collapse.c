@@ -154,7 +154,8 @@ static void copies_go_on_by_themselves(void **state)
                 assert_int_equal(collapse_run(collapse, 4000, INFINITY), STATUS_OK);
             else
                 assert_int_equal(collapse_approach(collapse, 8000, INFINITY), STATUS_OK);
-            assert_int_equal(collapse_copy(collapse, variant, &copy), STATUS_OK);
+            assert_int_equal(collapse_copy(collapse, &copy), STATUS_OK);
+            collapse_set_variant(copy, variant);
             assert_int_equal(collapse_run(copy, 1000, INFINITY), STATUS_OK);
             assert_int_equal(collapse_run(collapse, 1000, INFINITY), STATUS_OK);
             assert_int_equal(collapse_error(collapse, &error), STATUS_OK);

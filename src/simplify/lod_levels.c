@@ -1,0 +1,254 @@
+/*
+ * From the root to the levels, so that a level is the same whatever company it is made in.
+ *
+ * The plain way is to stop at each level in turn, and to go on from there. But the way to a count
+ * is not the way that passes it: the last sweeps before are smaller, and errors are measured
+ * against a copy of the mesh at a few times the count. So a level would depend on the finer ones
+ * that were asked for with it, and one that is made next week would be another.
+ *
+ * Instead there is one sequence, the *trunk*, that depends on the chain file: it stops at the
+ * counts that the file was made for, its milestones, finest first, and below them at every
+ * BELOW-th part, whether they are asked for or not. A level that is one of the first is the trunk
+ * as it stands there (and so the bytes are those that `spbm simplify` gave when it made the file);
+ * any other leaves the trunk at a place that its count alone decides, as a copy, a few times above
+ * it. The coarsest level takes the trunk itself. Five levels cost hardly more than the coarsest of
+ * them this way, where the way from root to root would be the same.
+ *
+ * Where errors are asked for, the milestones are the levels themselves.
+ */
+#include "simplify/lod_levels.h"
+
+#include <math.h>
+
+#include "simplify/lod_output.h"
+
+/* A level of at most so many faces is made so many times, by effort, from so many times its faces
+ * on. */
+static const uint64_t TRIED_FACES[4] = {0, 0, 2500, 5000};
+static const uint32_t TRIES[4] = {1, 1, 3, 5};
+enum { TRIED_FROM = 8, TRIED_FROM_LEAST = 6000 };
+/* Other levels leave the trunk at so many times their faces, before their reference is taken. */
+enum { LEFT_FROM = 3 };
+/* From the coarsest milestone to the next that is not the file's, and so on. */
+enum { BELOW = 8 };
+
+struct levels {
+    struct context *ctx;
+    const struct chain_info *info;
+    const struct lod_options *options;
+    const struct milestones *milestones;
+    struct lod_report *report;
+    double lost;
+    uint32_t effort; /* where the tables by effort are looked into */
+    struct collapse *trunk;
+    uint32_t next; /* of the milestones */
+    uint64_t goal; /* its faces */
+};
+
+/* ---- one level ---- */
+
+static bool is_small(const struct levels *levels, uint64_t faces)
+{
+    return faces <= TRIED_FACES[levels->effort];
+}
+
+/* Where the tries of a small level begin. */
+static uint64_t tried_from(uint64_t faces)
+{
+    return TRIED_FROM * faces > TRIED_FROM_LEAST ? TRIED_FROM * faces : TRIED_FROM_LEAST;
+}
+
+/* Which of two is the better level: fewer faces where only an error is asked for, else the smaller
+ * error. */
+static bool is_better(const struct level *level, uint64_t faces, double error, uint64_t than_faces,
+                      double than_error)
+{
+    faces = faces > level->wanted_faces ? faces : level->wanted_faces;
+    than_faces = than_faces > level->wanted_faces ? than_faces : level->wanted_faces;
+    return faces != than_faces ? faces < than_faces : error < than_error;
+}
+
+/*
+ * Runs down to a level. The largest distance hangs on chance, on which edge came before which other
+ * at a few places: runs of other orders have the same means and largest distances that differ by
+ * tens of percent. So small meshes, where it costs next to nothing, are run several times and the
+ * best is taken.
+ */
+static enum status run_to_level(const struct levels *levels, struct collapse **collapse,
+                                struct level *level)
+{
+    const uint64_t faces = level->wanted_faces, begin = tried_from(faces);
+    const uint64_t least =
+        faces > 0 ? faces : (collapse_faces(*collapse) + TRIED_FROM - 1) / TRIED_FROM;
+    const bool small = is_small(levels, least);
+    const uint32_t tries = small ? TRIES[levels->effort] : 1;
+    struct collapse *start = *collapse, *best = NULL;
+    enum status status = STATUS_OK;
+    if (tries > 1 && collapse_faces(start) > begin && faces > 0)
+        status = collapse_approach(start, begin, lod_error_bound(level));
+    for (uint32_t i = 0; i < tries && status == STATUS_OK; i++) {
+        struct collapse *next = NULL;
+        double error = INFINITY;
+        if (i + 1 < tries) {
+            status = collapse_copy(start, &next); /* the last goes on as it did */
+            if (status == STATUS_OK)
+                collapse_set_variant(next, i + 1);
+        } else {
+            next = start;
+            start = NULL;
+        }
+        if (status == STATUS_OK)
+            status = collapse_run(next, level->wanted_faces, lod_error_bound(level));
+        if (status == STATUS_OK)
+            status = collapse_error(next, &error);
+        if (status == STATUS_OK && (!best || is_better(level, collapse_faces(next), error,
+                                                       collapse_faces(best), level->error))) {
+            struct collapse *worse = best;
+            best = next;
+            next = worse;
+            level->error = error;
+        }
+        collapse_end(&next);
+    }
+    collapse_end(&start);
+    *collapse = best;
+    return status;
+}
+
+static enum status write_level(const struct levels *levels, struct collapse *collapse,
+                               uint32_t index)
+{
+    struct level *level = &levels->report->levels[index];
+    struct mesh mesh;
+    level->error = fmax(level->error, levels->lost);
+    enum status status = collapse_extract(collapse, &mesh, NULL);
+    if (status != STATUS_OK)
+        return status;
+    for (size_t i = 0; i < (size_t)mesh.vertex_count * 3; i++)
+        mesh.positions[i] += levels->info->origin[i % 3];
+    mesh.is_float32 = levels->info->is_float32;
+    mesh.attributes = levels->info->attributes;
+    level->vertices = mesh.vertex_count;
+    level->faces = mesh.face_count;
+    level->reason = lod_stop_reason(level, collapse_exhausted(collapse));
+    status = lod_output_mesh(levels->ctx, levels->options, index, &mesh);
+    mesh_clear(levels->ctx, &mesh);
+    return status;
+}
+
+/* ---- the trunk ---- */
+
+static bool is_of_file(const struct levels *levels)
+{
+    return levels->next < levels->milestones->count;
+}
+
+static void set_next_goal(struct levels *levels)
+{
+    if (is_of_file(levels))
+        levels->next++;
+    const uint64_t below = levels->goal / BELOW;
+    levels->goal = is_of_file(levels) ? levels->milestones->faces[levels->next]
+                   : below > 0        ? below
+                                      : 1;
+}
+
+/* Takes the trunk to its goal, and chooses the next. */
+static enum status pass_goal(struct levels *levels)
+{
+    struct level level = {.wanted_faces = levels->goal};
+    collapse_pause_at(levels->trunk, 0);
+    enum status status;
+    if (is_of_file(levels) && is_small(levels, levels->goal))
+        status = run_to_level(levels, &levels->trunk, &level);
+    else
+        status = collapse_run(levels->trunk, levels->goal, INFINITY);
+    set_next_goal(levels);
+    return status;
+}
+
+/*
+ * Takes the trunk, on its way to its goal, to the place where a level of so many faces leaves it:
+ * the first one between two sweeps where no more are left than a number that grows with the
+ * level's, so that the places of coarser levels come later. (A milestone may have been passed
+ * later than that.)
+ */
+static enum status go_to_branch(struct levels *levels, uint64_t faces)
+{
+    const uint64_t most_tried = TRIED_FROM * TRIED_FACES[levels->effort];
+    uint64_t place = faces < UINT64_MAX / LEFT_FROM ? LEFT_FROM * faces : UINT64_MAX;
+    if (is_small(levels, faces))
+        place = tried_from(faces);
+    else if (place < most_tried)
+        place = most_tried;
+    collapse_pause_at(levels->trunk, place);
+    if (!is_of_file(levels) || !is_small(levels, levels->goal))
+        return collapse_run(levels->trunk, levels->goal, INFINITY);
+    const uint64_t begin = tried_from(levels->goal);
+    return collapse_faces(levels->trunk) > begin ? collapse_approach(levels->trunk, begin, INFINITY)
+                                                 : STATUS_OK;
+}
+
+/* A level by count alone. */
+static enum status make_counted(struct levels *levels, uint32_t index)
+{
+    struct level *level = &levels->report->levels[index];
+    const uint64_t faces = level->wanted_faces;
+    enum status status = STATUS_OK;
+    while (levels->goal > faces && status == STATUS_OK)
+        status = pass_goal(levels);
+    if (status != STATUS_OK)
+        return status;
+    if (levels->goal == faces && is_of_file(levels)) {
+        collapse_pause_at(levels->trunk, 0);
+        status = run_to_level(levels, &levels->trunk, level);
+        set_next_goal(levels);
+        return status == STATUS_OK ? write_level(levels, levels->trunk, index) : status;
+    }
+    struct collapse *branch = NULL;
+    status = go_to_branch(levels, faces);
+    if (status == STATUS_OK && index + 1 == levels->report->level_count) {
+        branch = levels->trunk;
+        levels->trunk = NULL;
+        collapse_pause_at(branch, 0);
+    } else if (status == STATUS_OK) {
+        status = collapse_copy(levels->trunk, &branch);
+    }
+    if (status == STATUS_OK)
+        status = run_to_level(levels, &branch, level);
+    if (status == STATUS_OK)
+        status = write_level(levels, branch, index);
+    collapse_end(&branch);
+    return status;
+}
+
+enum status lod_levels_make(struct context *ctx, const struct chain_info *info,
+                            const struct lod_options *options, const struct lod_root *root,
+                            struct lod_report *report)
+{
+    const uint32_t effort = root->collapse.effort;
+    struct levels levels = {.ctx = ctx,
+                            .info = info,
+                            .options = options,
+                            .milestones = root->milestones,
+                            .report = report,
+                            .lost = root->lost,
+                            .effort = effort < 3 ? effort : 3,
+                            .goal = root->milestones->faces[0]};
+    struct collapse_options collapse = root->collapse;
+    collapse.together = true;
+    collapse.measured = true;
+    enum status status =
+        collapse_begin_giving(ctx, &collapse, root->mesh, &info->attributes, &levels.trunk);
+    for (uint32_t i = 0; i < report->level_count && status == STATUS_OK; i++) {
+        if (root->milestones->count > 0) {
+            status = make_counted(&levels, i);
+            continue;
+        }
+        status = run_to_level(&levels, &levels.trunk, &report->levels[i]);
+        if (status == STATUS_OK)
+            status = write_level(&levels, levels.trunk, i);
+    }
+    collapse_end(&levels.trunk);
+    return status;
+}

@@ -1,0 +1,23 @@
+/*
+ * Mode collapse from the root on: one small mesh in, levels out.
+ */
+#ifndef SPBM_SIMPLIFY_LOD_LEVELS_H
+#define SPBM_SIMPLIFY_LOD_LEVELS_H
+
+#include "simplify/collapse.h"
+#include "simplify/lod_target.h"
+
+/* What the levels are made of, and by what. */
+struct lod_root {
+    struct collapse_mesh *mesh; /* is given away */
+    double lost;                /* no level's error is less */
+    struct collapse_options collapse;
+    const struct milestones *milestones;
+};
+
+/* Makes and writes all levels of the report, and fills in what each has become. */
+enum status lod_levels_make(struct context *ctx, const struct chain_info *info,
+                            const struct lod_options *options, const struct lod_root *root,
+                            struct lod_report *report) MUST_CHECK;
+
+#endif
