@@ -4,10 +4,9 @@
  * zlib stops and goes on anywhere, and pays for it: libdeflate, which is given all of the input and
  * room for all of the output, takes a third to two thirds of the time. How much room is told by the
  * last four bytes of the file, which may lie, are the size modulo 2^32, and are of the last member
- * only. So they are believed only as far as the caller would spend the memory anyway; pages that
- * nothing is written to cost nothing; and unless all of the file turns out to be one member of that
- * size, it is as if nothing had been tried: the stream of gunzip.c says what is wrong, or finds the
- * other members.
+ * only. So they are believed only as far as the caller would spend the memory anyway, and unless
+ * all of the file turns out to be one member of that size, it is as if nothing had been tried: the
+ * stream of gunzip.c says what is wrong, or finds the other members.
  */
 #include <libdeflate.h>
 
@@ -16,6 +15,7 @@
 #include "base/descriptor.h"
 #include "base/gunzip.h"
 #include "base/memory.h"
+#include "base/prefault.h"
 
 enum {
     SMALLEST = 18,       /* bytes of a gzip file */
@@ -47,6 +47,7 @@ static enum status read_raw(struct context *ctx, const char *name, int fd, uint6
     if (status != STATUS_OK)
         return status;
     w->raw_size = (size_t)size;
+    memory_use_whole(w->raw, w->raw_size, 1);
     status = descriptor_read_at(ctx, fd, name, 0, w->raw, w->raw_size);
     if (status == STATUS_OK)
         status = memory_take(ctx, (size_t)made, 1, &w->made);
@@ -64,8 +65,12 @@ static enum status inflate_raw(struct context *ctx, const char *name, struct who
     if (!decompressor)
         return fail(ctx, STATUS_NO_MEMORY, "not enough memory to inflate %s", name);
     size_t taken = 0, made = 0;
+    struct prefault prefault = {0};
+    prefault_add(&prefault, w->made, w->made_size);
+    prefault_begin(ctx, &prefault);
     enum libdeflate_result result = libdeflate_gzip_decompress_ex(
         decompressor, w->raw, w->raw_size, w->made, w->made_size, &taken, &made);
+    prefault_end(&prefault);
     libdeflate_free_decompressor(decompressor);
     w->is_good = result == LIBDEFLATE_SUCCESS && taken == w->raw_size && made == w->made_size;
     return poll_cancel(ctx);

@@ -194,8 +194,10 @@ uint32_t foreign_rank(const uint32_t *foreign, uint32_t count, uint32_t vertex)
 {
     const uint32_t *base = foreign;
     while (count > 1) {
-        uint32_t half = count / 2;
-        base = base[half - 1] < vertex ? base + half : base;
+        /* A mask, as compilers make a branch of a choice, which is guessed wrong every other time.
+         */
+        uint32_t half = count / 2, goes_up = -(uint32_t)(base[half - 1] < vertex);
+        base += half & goes_up;
         count -= half;
     }
     return (uint32_t)(base - foreign);

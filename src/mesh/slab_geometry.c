@@ -128,10 +128,20 @@ static void sum_roots(struct squares *squares, struct slab_measures *measures)
 {
     take_roots(squares->areas, squares->face_count);
     take_roots(squares->edges, squares->edge_count);
-    for (uint32_t i = 0; i < squares->face_count; i++)
-        measures->area += squares->areas[i] / 2;
-    for (uint32_t i = 0; i < squares->edge_count; i++)
-        measures->edge_length += squares->edges[i];
+    /* Side by side as far as both go: each addition waits for the one before it in its own sum. */
+    double area = measures->area, length = measures->edge_length;
+    const uint32_t faces = squares->face_count, edges = squares->edge_count;
+    uint32_t i = 0;
+    for (; i < faces && i < edges; i++) {
+        area += squares->areas[i] / 2;
+        length += squares->edges[i];
+    }
+    for (uint32_t j = i; j < faces; j++)
+        area += squares->areas[j] / 2;
+    for (; i < edges; i++)
+        length += squares->edges[i];
+    measures->area = area;
+    measures->edge_length = length;
     measures->edge_count += squares->edge_count;
     squares->face_count = squares->edge_count = 0;
 }
@@ -141,6 +151,8 @@ void measure_slab(const struct draft *draft, const struct slab_scope *scope, con
 {
     const uint32_t first = scope->face_first;
     const uint32_t spacing = scope->face_count / NOISE_SAMPLES + 1;
+    uint32_t sample =
+        0; /* the next face for the noise, looked at while its neighbours are at hand */
     struct squares squares = {.face_count = 0};
     *measures = (struct slab_measures){0};
     for (uint32_t i = 0; i < scope->face_count; i++) {
@@ -162,10 +174,12 @@ void measure_slab(const struct draft *draft, const struct slab_scope *scope, con
         }
         if (squares.face_count == ROOTS)
             sum_roots(&squares, measures);
+        if (i == sample) {
+            add_noise(draft, scope, own, foreign, first + i, measures);
+            sample += spacing;
+        }
     }
     sum_roots(&squares, measures);
-    for (uint32_t i = 0; i < scope->face_count; i += spacing)
-        add_noise(draft, scope, own, foreign, first + i, measures);
 }
 
 void measures_add(struct slab_measures *sum, const struct slab_measures *slab)
