@@ -39,7 +39,7 @@ static uint64_t least_memory(enum run_stage stage, const struct run_size *size, 
 const char *stage_name(enum run_stage stage)
 {
     static const char *const names[] = {"import", "patchify", "lod"};
-    return names[stage];
+    return stage < RUN_STAGES ? names[stage] : "";
 }
 
 uint64_t stage_least_memory(enum run_stage stage, const struct run_size *size, unsigned threads)

@@ -462,7 +462,7 @@ static int take_long(struct parser *parser, const char *word, const char *next, 
     } else if (row->id == OPTION_HELP || row->id == OPTION_VERSION) {
         *parsed = row->id == OPTION_HELP ? PARSED_HELP : PARSED_VERSION;
     } else {
-        take_option(parser, row, value ? value : next);
+        take_option(parser, row, !row->argument ? "" : value ? value : next);
         return row->argument && !value ? 2 : 1;
     }
     return 1;
@@ -487,7 +487,7 @@ static int take_letters(struct parser *parser, const char *word, const char *nex
             return 1;
         }
         if (!row->argument) {
-            take_option(parser, row, NULL);
+            take_option(parser, row, "");
             continue;
         }
         if (word[1]) {

@@ -130,13 +130,13 @@ static unsigned char *put_text(const struct exporter *exporter, unsigned char *t
 static enum status vertices(struct exporter *exporter, size_t count, const double *positions,
                             const unsigned char *records)
 {
-    size_t stride = exporter->attributes.stride;
+    const size_t stride = exporter->attributes.stride;
+    const unsigned char *record = records; /* NULL without attributes: never read then */
     size_t most = exporter->format == EXPORT_PLY_ASCII
                       ? EXPORT_POSITION_MAX + exporter->attributes.count * (NUMBER_TEXT_MAX + 1) + 1
                       : (3 + exporter->attributes.count) * sizeof(double);
     for (size_t i = 0; i < count; i++, positions += 3) {
         unsigned char *to;
-        const unsigned char *record = stride ? records + i * stride : NULL;
         enum status status = export_room(exporter, most, &to);
         if (status != STATUS_OK)
             return status;
@@ -144,6 +144,8 @@ static enum status vertices(struct exporter *exporter, size_t count, const doubl
                                   ? put_text(exporter, to, positions, record)
                                   : put_binary(exporter, to, positions, record);
         exporter->used += (size_t)(stop - to);
+        if (stride > 0)
+            record += stride;
     }
     return STATUS_OK;
 }

@@ -153,6 +153,8 @@ static enum status check_foreign(struct check *check, const struct slab *slab)
             if (status != STATUS_OK)
                 break;
         }
+        /* The same bytes are meant.
+         * NOLINTNEXTLINE(bugprone-suspicious-memory-comparison,cert-flp37-c) */
         if (memcmp(slab->foreign_positions + 3 * (size_t)i, slab_position(&owner, v), 12) != 0)
             status = store_slab_damaged(check->store, slab->index,
                                         "a foreign vertex is not where its own slab has it");

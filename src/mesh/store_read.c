@@ -391,7 +391,7 @@ static void copy_slab(const struct store_info *info, const struct slab *slab, st
            3 * sizeof(uint32_t) * slab->face_count);
     for (size_t i = 0; i < 3 * own; i++)
         mesh->positions[3 * first + i] = info->origin[i % 3] + (double)slab->positions[i];
-    if (stride)
+    if (stride && slab->records)
         memcpy(mesh->records + first * stride, slab->records, own * stride);
 }
 

@@ -545,7 +545,7 @@ static void finish_vertices(const struct collapse *c, uint32_t *order, size_t li
 {
     const size_t stride = c->attributes.stride;
     for (size_t i = 0; i < live; i++) {
-        if (records)
+        if (records && c->records)
             memcpy(records + i * stride, c->records + order[i] * stride, stride);
         order[i] = c->vertices[order[i]].source;
     }

@@ -153,7 +153,8 @@ LANES_INLINE void compare_fans(const struct edge_change *change, int end,
             lanes_store(changes->parts[k] + first + 1, now[k] - before[k]);
         }
     }
-    for (int k = 0; k < 9; k++)
+    for (int k = 0; k < 9; k++) /* no ring is empty */
+        /* NOLINTNEXTLINE(clang-analyzer-core.uninitialized.Assign) */
         changes->parts[k][0] = changes->parts[k][look->ring.count]; /* 0 in an open ring */
 }
 

@@ -213,7 +213,7 @@ static enum status triangulate_loop(struct filler *filler, const struct fill_loo
     struct context *ctx = surgery->ctx;
     uint32_t n = loop->count;
     enum triangulation_quality quality;
-    if (repeats_corner(filler->corners, n) || (n == 3 && repeats_face(surgery, filler->corners)))
+    if (n < 3 || repeats_corner(filler->corners, n) || (n == 3 && repeats_face(surgery, filler->corners)))
         return STATUS_OK;
     enum status status = memory_reserve(ctx, &filler->triangles, &filler->triangle_capacity,
                                         3 * ((size_t)n - 2), sizeof *filler->triangles);
