@@ -167,8 +167,9 @@ static enum status give_block(struct unfolding *unfolding, const struct chain_bl
     const struct import_sink *sink = unfolding->sink;
     struct small_mesh mesh;
     size_t fresh = 0;
-    enum status status = small_mesh_build(unfolding->ctx, &unfolding->space,
-                                          info->attributes.stride, block, info->tolerance, &mesh);
+    enum status status =
+        small_mesh_build(unfolding->ctx, &unfolding->space, info->attributes.stride, block,
+                         info->tolerance, 0, &mesh);
     if (status == STATUS_OK)
         status = number_vertices(unfolding, &mesh, &fresh);
     if (status == STATUS_OK)

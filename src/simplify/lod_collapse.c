@@ -37,8 +37,10 @@ static const double NEARLY[4] = {1, 1.25, 1.25, 1};
 /* A block is collapsed up to this part of the finest level's error. */
 static const double ERROR_PART = 0.5;
 /* Chain tolerance as a part of the mean edge of the finest level, and of the finest error. */
-static const double EDGE_PART = 0.05;
+static const double EDGE_PART = 0.03;
 static const double TOLERANCE_PART = 0.25;
+/* Of the patches' bulge, small_bulge.h. */
+static const double GIVEN_BACK = 0.4;
 
 struct lod {
     struct context *ctx;
@@ -150,7 +152,7 @@ static enum status make_leaf(void *user, uint64_t job, unsigned worker)
     if (status != STATUS_OK)
         return status;
     status = small_mesh_build(lod->ctx, &lod->spaces[worker], lod->stride, &block, lod->tolerance,
-                              &lod->nodes[job]);
+                              lod->collapse.subset ? 0 : GIVEN_BACK, &lod->nodes[job]);
     lod->weights[job] = block.patch_count;
     lod->built[job] = lod->nodes[job].triangles.face_count;
     chain_block_clear(lod->ctx, lod->stride, &block);

@@ -58,11 +58,14 @@ static uint64_t tried_from(uint64_t faces)
     return TRIED_FROM * faces > TRIED_FROM_LEAST ? TRIED_FROM * faces : TRIED_FROM_LEAST;
 }
 
-/* Which of two is the better level: fewer faces where only an error is asked for, else the smaller
- * error. */
+/* Which of two is the better level: one that keeps the bound, then fewer faces where only an error
+ * is asked for, else the smaller error. */
 static bool is_better(const struct level *level, uint64_t faces, double error, uint64_t than_faces,
                       double than_error)
 {
+    const double bound = lod_error_bound(level);
+    if (error > bound || than_error > bound)
+        return error < than_error;
     faces = faces > level->wanted_faces ? faces : level->wanted_faces;
     than_faces = than_faces > level->wanted_faces ? than_faces : level->wanted_faces;
     return faces != than_faces ? faces < than_faces : error < than_error;

@@ -25,6 +25,7 @@
 #include "geom/distance.h"
 #include "simplify/chain_loops.h"
 #include "simplify/chain_simplify.h"
+#include "simplify/small_bulge.h"
 
 enum { OWNER_TAKEN = UINT32_MAX }; /* else the patch for which an edge is reserved */
 
@@ -41,7 +42,7 @@ struct builder {
     struct context *ctx;
     struct small_workspace *space;
     const struct chain_block *block;
-    double tolerance;
+    double tolerance, given_back;
     double lost;          /* largest error of what was left out within it */
     uint32_t chain_total; /* chains, then seam chains */
     uint32_t use_count;
@@ -58,15 +59,17 @@ struct builder {
     float *line_errors;
     uint32_t line_capacity;
     uint32_t *loop; /* one patch's kept vertices */
+    uint32_t loop_count;
     double *points;
     uint32_t *triangles;
     uint32_t loop_capacity;
     uint32_t patch;   /* the one that is being cut */
     uint32_t *copies; /* block vertices of which there is another one, numbered from vertex_count */
     uint32_t copy_count, copy_capacity;
-    uint32_t *faces;     /* block vertices */
-    float *errors;       /* a block vertex: the largest deviation of the patches at it, and */
-    uint32_t *witnesses; /* the inner vertex of that patch; NO_INDEX: none */
+    uint32_t *faces;      /* block vertices */
+    float *errors;        /* a block vertex: the largest deviation of the patches at it, and */
+    uint32_t *witnesses;  /* the inner vertex of that patch; NO_INDEX: none */
+    struct bulge *bulges; /* a block vertex; NULL: nothing is given back */
     uint32_t face_count, face_capacity;
 };
 
@@ -310,7 +313,7 @@ static enum status gather_loop(struct builder *b, uint32_t patch, uint32_t *coun
                         b->block->slab, patch);
         use = b->uses[next];
     }
-    *count = n;
+    *count = b->loop_count = n;
     return STATUS_OK;
 }
 
@@ -418,37 +421,66 @@ static bool own_diagonal_allowed(void *user, uint32_t i, uint32_t j)
     return entry && entry->owner == b->patch;
 }
 
-/* The patch's farthest inner vertex, when it matters, becomes a witness at the nearest of the faces
- * from `first` on, which are the patch's; else it counts as lost. */
-static void note_witness(struct builder *b, const struct patch *patch, uint32_t first)
+/* The nearest of the faces from `first` on to a place; NULL: there are none. *foot is on it. */
+static const uint32_t *nearest_face(const struct builder *b, uint32_t first, struct vec3 place,
+                                    double *square, struct vec3 *foot)
 {
-    if (patch->interior_count == 0 || b->keep[patch->interior_first])
-        return;
-    const bool matters = (double)patch->deviation > b->tolerance;
-    if (!matters && (double)patch->deviation <= b->lost)
-        return;
     const float *positions = b->block->positions;
-    const struct vec3 witness = vec3_load_float(positions + 3 * (size_t)patch->interior_first);
     const uint32_t *nearest = NULL;
-    double least = INFINITY;
+    *square = INFINITY;
     for (uint32_t f = first; f < b->face_count; f++) {
         const uint32_t *face = b->faces + 3 * (size_t)f;
         const struct triangle triangle = {vec3_load_float(positions + 3 * (size_t)face[0]),
                                           vec3_load_float(positions + 3 * (size_t)face[1]),
                                           vec3_load_float(positions + 3 * (size_t)face[2])};
-        const double square = triangle_distance_squared(witness, &triangle, NULL);
-        if (square < least) {
-            least = square;
+        struct vec3 there;
+        const double there_square = triangle_distance_squared(place, &triangle, &there);
+        if (there_square < *square) {
+            *square = there_square;
+            *foot = there;
             nearest = face;
         }
     }
-    if (!matters && nearest)
-        b->lost = fmax(b->lost, fmin(sqrt(least), (double)patch->deviation));
-    for (int k = 0; matters && nearest && k < 3; k++)
+    return nearest;
+}
+
+/* The patch's farthest inner vertex: when it matters, it becomes a witness at the nearest of the
+ * faces from `first` on, which are the patch's; else it counts as lost. Returns its height. */
+static double note_witness(struct builder *b, const struct patch *patch, uint32_t first)
+{
+    if (patch->interior_count == 0 || b->keep[patch->interior_first])
+        return 0;
+    const bool matters = (double)patch->deviation > b->tolerance;
+    if (!matters && (double)patch->deviation <= b->lost && !b->bulges)
+        return 0;
+    const struct vec3 witness =
+        vec3_load_float(b->block->positions + 3 * (size_t)patch->interior_first);
+    struct vec3 foot;
+    double square;
+    const uint32_t *nearest = nearest_face(b, first, witness, &square, &foot);
+    if (!nearest)
+        return 0;
+    if (!matters)
+        b->lost = fmax(b->lost, fmin(sqrt(square), (double)patch->deviation));
+    for (int k = 0; matters && k < 3; k++)
         if (patch->deviation > b->errors[nearest[k]]) {
             b->errors[nearest[k]] = patch->deviation;
             b->witnesses[nearest[k]] = patch->interior_first;
         }
+    /* it may lie beside the faces: what is along them is no height */
+    return vec3_dot(vec3_load_float(patch->normal), vec3_sub(witness, foot));
+}
+
+/* What stays where it is: vertices of the border, where patches lie on one side alone, and of
+ * seams, which the other block has, too. */
+static void hold_rims(struct builder *b)
+{
+    for (uint32_t i = 0; i < b->block->seam_vertex_count; i++)
+        bulge_hold(b->bulges, b->block->junction_count + i);
+    for (uint32_t chain = 0; chain < b->block->chain_count; chain++)
+        for (uint32_t i = 0;
+             b->block->chains[chain].right == NO_PATCH && i < chain_length(b, chain); i++)
+            bulge_hold(b->bulges, chain_vertex(b, chain, i));
 }
 
 static enum status cut_patch(struct builder *b, uint32_t patch)
@@ -537,6 +569,8 @@ static enum status finish(struct builder *b, uint32_t stride, struct small_mesh 
         if (number == NO_INDEX)
             continue;
         memcpy(to->positions + 3 * number, block->positions + 3 * (size_t)v, 3 * sizeof(float));
+        if (b->bulges && i < block->vertex_count)
+            bulge_move(&b->bulges[v], b->given_back, to->positions + 3 * number);
         const size_t witness = b->witnesses[v] != NO_INDEX ? b->witnesses[v] : v;
         memcpy(to->witnesses + 3 * number, block->positions + 3 * witness, 3 * sizeof(float));
         if (stride > 0)
@@ -626,6 +660,10 @@ static enum status take_arrays(struct builder *b)
         status = memory_take(ctx, vertices, sizeof *b->witnesses, &b->witnesses);
     if (status == STATUS_OK)
         memset(b->witnesses, 0xff, vertices * sizeof *b->witnesses);
+    if (status == STATUS_OK && b->given_back > 0)
+        status = memory_take_zeroed(ctx, vertices, sizeof *b->bulges, &b->bulges);
+    if (b->bulges)
+        hold_rims(b);
     if (status == STATUS_OK)
         status = memory_take(ctx, b->line_capacity, 3 * sizeof *b->line, &b->line);
     if (status == STATUS_OK)
@@ -650,6 +688,7 @@ static void release_arrays(struct builder *b)
     memory_release(ctx, &b->loop, b->loop_capacity, sizeof *b->loop);
     memory_release(ctx, &b->line_errors, b->line_capacity, sizeof *b->line_errors);
     memory_release(ctx, &b->line, b->line_capacity, 3 * sizeof *b->line);
+    memory_release(ctx, &b->bulges, vertices, sizeof *b->bulges);
     memory_release(ctx, &b->witnesses, vertices, sizeof *b->witnesses);
     memory_release(ctx, &b->errors, vertices, sizeof *b->errors);
     memory_release(ctx, &b->heads, b->heads_count, sizeof *b->heads);
@@ -662,13 +701,14 @@ static void release_arrays(struct builder *b)
 }
 
 enum status small_mesh_build(struct context *ctx, struct small_workspace *space, uint32_t stride,
-                             const struct chain_block *block, double tolerance,
+                             const struct chain_block *block, double tolerance, double given_back,
                              struct small_mesh *mesh)
 {
     struct builder b = {.ctx = ctx,
                         .space = space,
                         .block = block,
                         .tolerance = tolerance,
+                        .given_back = given_back,
                         .chain_total = block->chain_count + block->seam_chain_count};
     memset(mesh, 0, sizeof *mesh);
     measure_block(&b);
@@ -678,8 +718,12 @@ enum status small_mesh_build(struct context *ctx, struct small_workspace *space,
     for (uint32_t patch = 0; patch < block->patch_count && status == STATUS_OK; patch++) {
         const uint32_t first = b.face_count, copies = b.copy_count;
         status = cut_patch(&b, patch);
-        if (copies == b.copy_count)
-            note_witness(&b, &block->patches[patch], first);
+        if (status != STATUS_OK)
+            break;
+        const struct patch *record = &block->patches[patch];
+        const double height = copies == b.copy_count ? note_witness(&b, record, first) : 0;
+        if (b.bulges)
+            bulge_note(b.bulges, b.loop, b.loop_count, record->normal, record->area, height);
     }
     if (status == STATUS_OK)
         status = finish(&b, stride, mesh);

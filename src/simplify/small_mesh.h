@@ -39,9 +39,11 @@ struct small_workspace {
 
 void small_workspace_clear(struct context *ctx, struct small_workspace *space);
 
-/* Chains are cut to what `tolerance` (model units) needs, and patches triangulated. */
+/* Chains are cut to what `tolerance` (model units) needs, and patches triangulated. Vertices inside
+ * are moved by the part `given_back` of the bulge of the patches round them (small_bulge.h; 0: all
+ * stay where they are). */
 enum status small_mesh_build(struct context *ctx, struct small_workspace *space, uint32_t stride,
-                             const struct chain_block *block, double tolerance,
+                             const struct chain_block *block, double tolerance, double given_back,
                              struct small_mesh *mesh) MUST_CHECK;
 
 /* A slab may have several fans of faces at a seam vertex, which meet only in other slabs: each gets

@@ -11,6 +11,7 @@
 #include "base/memory.h"
 #include "mesh/import.h"
 #include "simplify/simplify.h"
+#include "simplify/small_bulge.h"
 #include "simplify/small_mesh.h"
 #include "test_chains.h"
 #include "test_facts.h"
@@ -106,11 +107,12 @@ static void small_meshes_keep_the_topology(void **state)
         const double tolerance = round % 4 == 0   ? 0
                                  : round % 4 == 1 ? INFINITY
                                                   : random_unit(&random) * 0.3;
+        const double given_back = round % 3 == 0 ? 0 : 0.4;
         struct small_mesh *parts = calloc(set.block_count, sizeof *parts), whole;
         assert_non_null(parts);
         for (uint32_t i = 0; i < set.block_count; i++) {
             const enum status status =
-                small_mesh_build(&ctx, &space, 0, &set.blocks[i], tolerance, &parts[i]);
+                small_mesh_build(&ctx, &space, 0, &set.blocks[i], tolerance, given_back, &parts[i]);
             if (status != STATUS_OK)
                 fail_msg("round %u: %s", round, ctx.error);
             struct mesh part = as_mesh(&ctx, &parts[i]);
@@ -275,9 +277,84 @@ static void levels_do_not_depend_on_company(void **state)
     }
 }
 
+/* Six times the volume that the small mesh of a shape's patches encloses. */
+static double small_volume(struct shape shape, double given_back)
+{
+    struct context ctx;
+    struct mesh mesh;
+    struct slab_set slabs;
+    struct chain_set set;
+    struct small_workspace space = {0};
+    struct small_mesh small;
+    double volume = 0;
+    context_init(&ctx);
+    shape_into_mesh(&ctx, &shape, &mesh);
+    slab_set_build(&mesh, (uint32_t)mesh.face_count, &slabs);
+    const struct patch_options patch = test_patch_options(12, 11, 0);
+    chain_set_build(&ctx, &slabs, &patch, &set);
+    must(small_mesh_build(&ctx, &space, 0, &set.blocks[0], 0, given_back, &small));
+    for (size_t f = 0; f < (size_t)small.triangles.face_count; f++) {
+        const float *p[3];
+        for (size_t k = 0; k < 3; k++)
+            p[k] = small.triangles.positions + 3 * (size_t)small.triangles.faces[3 * f + k];
+        for (int k = 0; k < 3; k++) {
+            const int l = (k + 1) % 3, m = (k + 2) % 3;
+            volume += (double)p[0][k] *
+                      ((double)p[1][l] * (double)p[2][m] - (double)p[1][m] * (double)p[2][l]);
+        }
+    }
+    small_mesh_clear(&ctx, 0, &small);
+    small_workspace_clear(&ctx, &space);
+    chain_set_free(&set);
+    slab_set_free(&slabs);
+    mesh_clear(&ctx, &mesh);
+    assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+    return volume;
+}
+
+/* Flat patches on a sphere lose a part of its volume; most of it comes back. */
+static void bulges_are_given_back(void **state)
+{
+    (void)state;
+    const double whole = 8 * acos(-1);
+    const double none = whole - small_volume(shape_icosphere(5), 0);
+    const double most = whole - small_volume(shape_icosphere(5), 0.4);
+    assert_true(none > 0.01 * whole);
+    assert_true(fabs(most) < 0.5 * none);
+}
+
+static void what_is_held_or_flat_stays(void **state)
+{
+    (void)state;
+    const uint32_t loop[3] = {0, 1, 2};
+    const float up[3] = {0, 0, 1};
+    struct bulge bulges[3] = {{{0}, 0}};
+    float place[3] = {1, 2, 3};
+    bulge_hold(bulges, 1);
+    bulge_note(bulges, loop, 3, up, 1, 0.5);
+    bulge_note(bulges, loop, 1, up, 1, 0);
+    bulge_move(&bulges[0], 0.4, place); /* half of the height of two patches */
+    assert_true(fabsf(place[2] - 3.1f) < 1e-6f && place[0] == 1 && place[1] == 2);
+    bulge_move(&bulges[2], 0.4, place);
+    assert_true(fabsf(place[2] - 3.3f) < 1e-6f);
+    const float before = place[2];
+    bulge_move(&bulges[1], 0.4, place);
+    assert_true(place[2] == before);
+    struct bulge other[3] = {{{0}, 0}};
+    bulge_move(&other[0], 0.4, place);          /* of no patch */
+    bulge_note(other, loop, 3, up, 1e6f, 1e-3); /* rounding, beside the patch's size */
+    bulge_move(&other[0], 0.4, place);
+    bulge_note(other, loop, 3, up, 1, 1e39); /* beyond floats */
+    bulge_move(&other[0], 0.4, place);
+    assert_true(place[2] == before && place[0] == 1 && place[1] == 2);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(small_meshes_keep_the_topology),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(what_is_held_or_flat_stays),
+                                       cmocka_unit_test(bulges_are_given_back),
+                                       cmocka_unit_test(small_meshes_keep_the_topology),
                                        cmocka_unit_test(levels_keep_the_topology),
                                        cmocka_unit_test(levels_do_not_depend_on_company)};
     return cmocka_run_group_tests(tests, NULL, NULL);
