@@ -487,9 +487,13 @@ enum status collapse_error(const struct collapse *c, double *error)
 {
     double largest = 0;
     enum status status = STATUS_OK;
-    if (c->reference.face_count > 0)
+    if (c->reference.face_count > 0) {
+        /* the reference is off the original, too: errors are about as the reciprocal of the faces,
+         * and where the two are largest has nothing to do with each other */
+        const double part = (double)c->live_faces / (double)c->reference.face_count;
         status = reference_error(c, &largest);
-    else
+        largest *= sqrt(1 + part * part);
+    } else
         for (uint32_t v = 0; v < c->vertex_slots; v++)
             if (c->vertices[v].corner != NO_INDEX)
                 largest = fmax(largest, vertex_error(c, v, largest));

@@ -6,10 +6,11 @@
  * look for: so a few suspects are measured before all else, then pieces of the mesh, side by side,
  * each beginning with the suspects' largest. A vertex whose noted offset is small, and an edge in a
  * plane, are not looked at; a point of the reference belongs to a vertex, and mostly the faces
- * there are near enough. Only where they are not, nor those that are found by going from vertex to
- * vertex (the way may end on one side of a thin wall, or on another component), all faces are
- * looked through, by the boxes of runs of them. A tree like the reference's would not have the
- * room.
+ * there are near enough. (Long edges of the reference are looked at in between, too: what lies
+ * between the ends of needles no vertex tells.) Only where they are not, nor those that are found
+ * by going from vertex to vertex (the way may end on one side of a thin wall, or on another
+ * component), all faces are looked through, by the boxes of runs of them. A tree like the
+ * reference's would not have the room.
  */
 #include <math.h>
 
@@ -23,7 +24,8 @@ static const double NOTED_LEAST = 0.3;
 
 enum {
     PIECES = 32,
-    RUN = 32 /* faces of a box, and boxes of a larger one */
+    EDGE_PARTS_MAX = 8, /* of long edges, a power of two */
+    RUN = 32            /* faces of a box, and boxes of a larger one */
 };
 
 /* ---- all faces ---- */
@@ -136,17 +138,46 @@ struct piece {
 
 struct measuring {
     const struct collapse *collapse;
+    double mean_edge; /* of the reference */
     struct boxes boxes;
     struct piece pieces[PIECES];
 };
 
+/* ---- points on edges ---- */
+
+/* Into how many parts an edge is cut, to be looked at between them. */
+static unsigned count_parts(const struct measuring *measuring, struct vec3 a, struct vec3 b)
+{
+    const double length = vec3_length(vec3_sub(b, a));
+    unsigned parts = 2;
+    while (parts < EDGE_PARTS_MAX && length > parts * measuring->mean_edge)
+        parts *= 2;
+    return parts;
+}
+
+static struct vec3 edge_point(struct vec3 a, struct vec3 b, unsigned i, unsigned parts)
+{
+    const double t = (double)i / parts;
+    return vec3_add(vec3_scale(a, 1 - t), vec3_scale(b, t));
+}
+
+static double find_mean_edge(const struct reference *r)
+{
+    double sum = 0;
+    for (uint64_t i = 0; i < 3 * r->face_count; i++) {
+        const uint32_t *end = r->faces + (i % 3 == 2 ? i - 2 : i + 1);
+        sum += vec3_length(vec3_sub(vec3_load(r->positions + 3 * (size_t)*end),
+                                    vec3_load(r->positions + 3 * (size_t)r->faces[i])));
+    }
+    return sum / (3 * (double)r->face_count);
+}
+
 /* ---- from the surface to the reference ---- */
 
 /* The point's distance from the reference if it is more than `largest`, else `largest`. */
-static double larger_distance(const struct collapse *c, const float at[3], double largest)
+static double larger_distance(const struct collapse *c, struct vec3 p, double largest)
 {
     struct nearest nearest = {INFINITY, UINT32_MAX, {0, 0, 0}};
-    const struct vec3 p = vec3_load_float(at);
     if (bvh_is_near(&c->reference.tree, p, largest * largest))
         return largest;
     bvh_nearest(&c->reference.tree, p, &nearest);
@@ -177,20 +208,24 @@ static bool is_bent(const struct collapse *c, uint32_t corner, double height)
            of_left * of_left > least * vec3_length_squared(m);
 }
 
-static void measure_surface(const struct collapse *c, struct piece *piece)
+static void measure_surface(const struct measuring *measuring, struct piece *piece)
 {
+    const struct collapse *c = measuring->collapse;
     for (uint32_t v = piece->first_vertex; v < piece->end_vertex; v++)
         if (c->vertices[v].corner != NO_INDEX &&
             fabs((double)offset_get(c, v)) > NOTED_LEAST * piece->largest)
-            piece->largest = larger_distance(c, c->vertices[v].position, piece->largest);
+            piece->largest =
+                larger_distance(c, vec3_load_float(c->vertices[v].position), piece->largest);
     for (uint32_t i = 3 * piece->first_face; i < 3 * piece->end_face; i++) {
         const uint32_t to = c->corners[i].end;
         if (to == NO_INDEX || (corner_opposite(c, i) < i && corner_opposite(c, i) != NO_INDEX) ||
             !is_bent(c, i, piece->largest))
             continue;
-        const float *a = c->vertices[to].position, *b = c->vertices[corner_vertex(c, i)].position;
-        const float middle[3] = {(a[0] + b[0]) / 2, (a[1] + b[1]) / 2, (a[2] + b[2]) / 2};
-        piece->largest = larger_distance(c, middle, piece->largest);
+        const struct vec3 a = vec3_load_float(c->vertices[corner_vertex(c, i)].position);
+        const struct vec3 b = vec3_load_float(c->vertices[to].position);
+        const unsigned parts = count_parts(measuring, a, b);
+        for (unsigned k = 1; k < parts; k++)
+            piece->largest = larger_distance(c, edge_point(a, b, k, parts), piece->largest);
     }
 }
 
@@ -235,12 +270,39 @@ static void measure_points(const struct measuring *measuring, struct piece *piec
     }
 }
 
+/* The reference's longest edges, the job's part of them. */
+static void measure_long_edges(const struct measuring *measuring, uint64_t job, struct piece *piece)
+{
+    const struct collapse *c = measuring->collapse;
+    const struct reference *r = &c->reference;
+    const uint64_t end = r->face_count * (job + 1) / PIECES;
+    for (uint64_t i = 3 * (r->face_count * job / PIECES); i < 3 * end; i++) {
+        const size_t next = (size_t)(i % 3 == 2 ? i - 2 : i + 1);
+        if (r->faces[i] > r->faces[next]) /* from the other side (at borders: not at all) */
+            continue;
+        const struct vec3 a = vec3_load(r->positions + 3 * (size_t)r->faces[i]);
+        const struct vec3 b = vec3_load(r->positions + 3 * (size_t)r->faces[next]);
+        const unsigned parts = count_parts(measuring, a, b);
+        for (unsigned k = 1; k < parts && parts == EDGE_PARTS_MAX; k++) {
+            const struct vec3 p = edge_point(a, b, k, parts);
+            const double enough = piece->largest * piece->largest;
+            /* first only the boxes that are near enough */
+            double square = search_all(c, &measuring->boxes, p, enough, enough);
+            if (square < enough)
+                continue;
+            square = search_all(c, &measuring->boxes, p, INFINITY, enough);
+            piece->largest = fmax(piece->largest, sqrt(square));
+        }
+    }
+}
+
 static enum status measure_piece(void *user, uint64_t job, unsigned worker)
 {
     (void)worker;
     struct measuring *measuring = user;
-    measure_surface(measuring->collapse, &measuring->pieces[job]);
+    measure_surface(measuring, &measuring->pieces[job]);
     measure_points(measuring, &measuring->pieces[job]);
+    measure_long_edges(measuring, job, &measuring->pieces[job]);
     return STATUS_OK;
 }
 
@@ -263,7 +325,7 @@ static uint32_t find_suspect(const struct collapse *c, const struct piece *piece
 
 enum status reference_error(const struct collapse *c, double *error)
 {
-    struct measuring measuring = {.collapse = c};
+    struct measuring measuring = {.collapse = c, .mean_edge = find_mean_edge(&c->reference)};
     double largest = c->typical_error;
     for (uint32_t i = 0; i < PIECES; i++) {
         struct piece *piece = &measuring.pieces[i];
@@ -273,7 +335,7 @@ enum status reference_error(const struct collapse *c, double *error)
         piece->end_face = (uint32_t)(c->face_slots * (i + 1) / PIECES);
         const uint32_t suspect = find_suspect(c, piece);
         if (suspect != NO_INDEX)
-            largest = larger_distance(c, c->vertices[suspect].position, largest);
+            largest = larger_distance(c, vec3_load_float(c->vertices[suspect].position), largest);
     }
     for (uint32_t i = 0; i < PIECES; i++)
         measuring.pieces[i].largest = largest;

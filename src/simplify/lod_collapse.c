@@ -59,6 +59,7 @@ struct lod {
     uint64_t *weights;              /* patches below each node */
     uint64_t *built;                /* faces of each block's mesh at first */
     double lost;                    /* of the blocks' meshes, the largest */
+    bool is_cut;                    /* any of them */
     uint32_t node_count;
     uint32_t span; /* slabs below a node */
 };
@@ -212,12 +213,14 @@ static enum status make_leaves(struct lod *lod)
             return status;
         lod->report->small_faces = 0;
         lod->lost = 0;
+        lod->is_cut = false;
         for (uint32_t i = 0; i < lod->node_count; i++) {
             lod->report->small_faces += lod->built[i];
             lod->lost = fmax(lod->lost, lod->nodes[i].lost);
+            lod->is_cut |= lod->nodes[i].is_cut;
         }
         const double enough = 1.5 * (double)lod->finest_faces;
-        if ((double)lod->report->small_faces >= enough || lod->lost <= 0)
+        if ((double)lod->report->small_faces >= enough || !(lod->is_cut || lod->lost > 0))
             return STATUS_OK;
         lod->tolerance = lod->tolerance > 1e-12 * sqrt(lod->info->area) ? lod->tolerance / 8 : 0;
         clear_nodes(lod);

@@ -43,15 +43,17 @@ struct builder {
     struct small_workspace *space;
     const struct chain_block *block;
     double tolerance, given_back;
+    bool is_cut;
     double lost;          /* largest error of what was left out within it */
     uint32_t chain_total; /* chains, then seam chains */
     uint32_t use_count;
-    uint32_t *use_first; /* a patch, and one more */
-    uint32_t *uses;      /* chain << 1 | walked from its end */
-    unsigned char *keep; /* a vertex: it is in the mesh */
-    unsigned char *full; /* a chain: 1 when all its vertices were given back */
-    float *dropped;      /* a chain: the largest error of what is not kept of it */
-    uint32_t *heads;     /* a vertex: its first entry */
+    uint32_t *use_first;  /* a patch, and one more */
+    uint32_t *face_first; /* likewise, of the faces that it was cut into */
+    uint32_t *uses;       /* chain << 1 | walked from its end */
+    unsigned char *keep;  /* a vertex: it is in the mesh */
+    unsigned char *full;  /* a chain: 1 when all its vertices were given back */
+    float *dropped;       /* a chain: the largest error of what is not kept of it */
+    uint32_t *heads;      /* a vertex: its first entry */
     size_t heads_count;
     struct edge_entry *entries;
     uint32_t entry_count, entry_capacity;
@@ -256,8 +258,6 @@ static enum status cut_chains(struct builder *b)
         if (status != STATUS_OK)
             return status;
     }
-    for (uint32_t chain = 0; chain < b->chain_total; chain++)
-        b->lost = fmax(b->lost, (double)b->dropped[chain]);
     return STATUS_OK;
 }
 
@@ -483,6 +483,52 @@ static void hold_rims(struct builder *b)
             bulge_hold(b->bulges, chain_vertex(b, chain, i));
 }
 
+/* The least of `square` and the squared distances of a vertex from the faces of a patch. */
+static double nearest_of_patch(const struct builder *b, uint32_t patch, uint32_t v, double square)
+{
+    const float *positions = b->block->positions;
+    const struct vec3 p = vec3_load_float(positions + 3 * (size_t)v);
+    for (uint32_t f = b->face_first[patch]; f < b->face_first[patch + 1]; f++) {
+        const uint32_t *face = b->faces + 3 * (size_t)f;
+        const struct triangle triangle = {vec3_load_float(positions + 3 * (size_t)face[0]),
+                                          vec3_load_float(positions + 3 * (size_t)face[1]),
+                                          vec3_load_float(positions + 3 * (size_t)face[2])};
+        square = fmin(square, triangle_distance_squared(p, &triangle, NULL));
+    }
+    return square;
+}
+
+/* What chains have lost. Chains in planes and nearly so are cut by how they look, which is more
+ * than the surface has lost: on parts hundreds of times more. So where it matters the dropped
+ * vertices are measured, against the faces on both sides. (All their errors are at most the
+ * chain's; of a seam chain only one side is here.) */
+static void measure_chains(struct builder *b)
+{
+    for (uint32_t chain = 0; chain < b->chain_total; chain++) {
+        const double dropped = (double)b->dropped[chain];
+        double square = 0;
+        b->is_cut |= dropped > 0;
+        if (!(dropped > b->lost))
+            continue;
+        const bool seam = is_seam(b, chain);
+        for (uint32_t i = 1; i + 1 < chain_length(b, chain) && square < dropped * dropped; i++) {
+            const uint32_t v = chain_vertex(b, chain, i);
+            if (b->keep[v])
+                continue;
+            double nearest = INFINITY;
+            if (seam)
+                nearest = nearest_of_patch(
+                    b, b->block->seam_chains[chain - b->block->chain_count].left, v, nearest);
+            else
+                nearest = nearest_of_patch(b, b->block->chains[chain].left, v, nearest);
+            if (!seam && b->block->chains[chain].right != NO_PATCH)
+                nearest = nearest_of_patch(b, b->block->chains[chain].right, v, nearest);
+            square = fmax(square, nearest);
+        }
+        b->lost = fmax(b->lost, fmin(sqrt(square), dropped));
+    }
+}
+
 static enum status cut_patch(struct builder *b, uint32_t patch)
 {
     uint32_t n = 0;
@@ -640,6 +686,9 @@ static enum status take_arrays(struct builder *b)
     enum status status = memory_take_zeroed(ctx, (size_t)b->block->patch_count + 1,
                                             sizeof *b->use_first, &b->use_first);
     if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, (size_t)b->block->patch_count + 1, sizeof *b->face_first,
+                                    &b->face_first);
+    if (status == STATUS_OK)
         status = memory_take(ctx, b->use_count, sizeof *b->uses, &b->uses);
     if (status != STATUS_OK)
         return status;
@@ -697,6 +746,7 @@ static void release_arrays(struct builder *b)
     memory_release(ctx, &b->full, b->chain_total, 1);
     memory_release(ctx, &b->keep, vertices, 1);
     memory_release(ctx, &b->uses, b->use_count, sizeof *b->uses);
+    memory_release(ctx, &b->face_first, (size_t)b->block->patch_count + 1, sizeof *b->face_first);
     memory_release(ctx, &b->use_first, (size_t)b->block->patch_count + 1, sizeof *b->use_first);
 }
 
@@ -717,16 +767,20 @@ enum status small_mesh_build(struct context *ctx, struct small_workspace *space,
         status = cut_chains(&b);
     for (uint32_t patch = 0; patch < block->patch_count && status == STATUS_OK; patch++) {
         const uint32_t first = b.face_count, copies = b.copy_count;
+        b.face_first[patch] = first;
         status = cut_patch(&b, patch);
         if (status != STATUS_OK)
             break;
+        b.face_first[patch + 1] = b.face_count;
         const struct patch *record = &block->patches[patch];
         const double height = copies == b.copy_count ? note_witness(&b, record, first) : 0;
         if (b.bulges)
             bulge_note(b.bulges, b.loop, b.loop_count, record->normal, record->area, height);
     }
-    if (status == STATUS_OK)
+    if (status == STATUS_OK) {
+        measure_chains(&b);
         status = finish(&b, stride, mesh);
+    }
     if (status == STATUS_OK) {
         tag_seams(&b, mesh);
         status = small_mesh_split(ctx, stride, mesh);
@@ -734,6 +788,7 @@ enum status small_mesh_build(struct context *ctx, struct small_workspace *space,
     if (status != STATUS_OK)
         small_mesh_clear(ctx, stride, mesh);
     mesh->lost = b.lost;
+    mesh->is_cut = b.is_cut;
     release_arrays(&b);
     return status;
 }

@@ -28,6 +28,7 @@ struct small_mesh {
     uint32_t seam_count;
     struct seam_tag *seams; /* ascending by number; several of one number are copies */
     double lost; /* small_mesh_build: how far what was left out lies from the mesh, at most */
+    bool is_cut; /* chains have vertices that were left out */
 };
 
 void small_mesh_clear(struct context *ctx, uint32_t stride, struct small_mesh *mesh);
