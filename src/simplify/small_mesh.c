@@ -483,17 +483,21 @@ static void hold_rims(struct builder *b)
             bulge_hold(b->bulges, chain_vertex(b, chain, i));
 }
 
+static struct vec3 place_of(const struct builder *b, uint32_t v)
+{
+    const uint32_t count = b->block->vertex_count;
+    return vec3_load_float(b->block->positions +
+                           3 * (size_t)(v < count ? v : b->copies[v - count]));
+}
+
 /* The least of `square` and the squared distances of a vertex from the faces of a patch. */
 static double nearest_of_patch(const struct builder *b, uint32_t patch, uint32_t v, double square)
 {
-    const float *positions = b->block->positions;
-    const struct vec3 p = vec3_load_float(positions + 3 * (size_t)v);
     for (uint32_t f = b->face_first[patch]; f < b->face_first[patch + 1]; f++) {
         const uint32_t *face = b->faces + 3 * (size_t)f;
-        const struct triangle triangle = {vec3_load_float(positions + 3 * (size_t)face[0]),
-                                          vec3_load_float(positions + 3 * (size_t)face[1]),
-                                          vec3_load_float(positions + 3 * (size_t)face[2])};
-        square = fmin(square, triangle_distance_squared(p, &triangle, NULL));
+        const struct triangle triangle = {place_of(b, face[0]), place_of(b, face[1]),
+                                          place_of(b, face[2])};
+        square = fmin(square, triangle_distance_squared(place_of(b, v), &triangle, NULL));
     }
     return square;
 }
