@@ -13,7 +13,7 @@
  * smoothings): at equal numbers of patches the errors are nearly equal, whatever the angles and
  * smoothings that gave them. With the bulge given back (small_bulge.h), at 2 % and below, to the
  * better quadric collapse's: smooth scans have 1.0 to 1.4 with 4 patches a face of the level, 0.80
- * to 0.94 with 12, 0.70 to 0.79 with 30; noisy ones 0.8 to 1.1 with 4, 0.68 to 0.90 with 6 to 7.
+ * to 0.94 with 12, 0.70 to 0.79 with 30; noisy ones 0.7 to 1.1 with 4, 0.68 to 0.93 with 5 to 7.
  *
  * An error bound E has no number of patches, but a patch of size s that turns by the angle A bulges
  * by about s A / 8, which is kept under a part of E.
@@ -35,11 +35,11 @@ enum { EXCERPTS = 4, EXCERPT_FACES = 1 << 13 };
  * large ones are few. Between the two bounds of noise, in mean edges, it is in proportion. Levels
  * of many faces want up to FINE_MORE times as many: a patch of a few faces has no inner vertex that
  * would tell its bulge, and what looks like noise is also the terraces of voxels. */
-static const double patches_a_face[4] = {0, 3, 6, 16};
-static const double patches_a_smooth_face[4] = {0, 5, 12, 44};
-static const double smooth_below = 0.037, noisy_above = 0.05;
+static const double patches_a_face[4] = {0, 2.4, 4.5, 12};
+static const double patches_a_smooth_face[4] = {0, 5, 12, 32};
+static const double smooth_below = 0.037, noisy_above = 0.065;
 static const double few_faces = 0.02, many_faces = 0.1; /* of the surface's */
-static const double FINE_MORE = 4. / 3;
+static const double FINE_MORE = 1.7;
 /* So few patches cost nothing, and a level of a few hundred faces is better for them. */
 static const double patches_least[4] = {0, 4096, 8192, 8192};
 /* A small mesh of nearly all faces is hardly better: this part of the faces is enough patches, or
