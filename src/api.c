@@ -277,15 +277,17 @@ enum status read_chain_info(struct context *ctx, const char *chains, struct chai
 }
 
 enum status make_levels(struct context *ctx, const char *chains, const char *output,
-                        const spbm_target *target, const spbm_lod_options *options, bool is_own,
-                        struct lod_report *report)
+                        const spbm_target *target, const spbm_lod_options *options,
+                        enum chains_are chains_are, struct lod_report *report)
 {
     struct lod_options lod = {
         .target = make_target(target),
         .place = (enum placement)options->place,
         .output = output,
         .export = {.format = (enum export_format)options->format, .sync = options->sync != 0},
-        .is_own_file = is_own,
+        .is_own_file = chains_are == CHAINS_OWN,
+        .keeps_trunk = chains_are == CHAINS_KEPT || chains_are == CHAINS_KEPT_SYNCED,
+        .syncs_trunk = chains_are == CHAINS_KEPT_SYNCED,
     };
     return lod_build(ctx, chains, &lod, report);
 }
@@ -315,7 +317,7 @@ spbm_status spbm_lod(spbm_job *job, const char *chains, const char *output,
         status = stage_begin(job, STAGE_LOD, &size);
     }
     if (status == STATUS_OK)
-        status = make_levels(ctx, chains, output, target, options, false, &report);
+        status = make_levels(ctx, chains, output, target, options, CHAINS_GIVEN, &report);
     if (levels && (status == STATUS_OK || status == STATUS_TARGET_MISSED))
         copy_levels(levels, &report, &info);
     return call_end(job, status);

@@ -67,10 +67,17 @@ enum { KEPT_LEVEL = 1 };
 /* What lod_build does not report: the figures that words about a level need. */
 enum status read_chain_info(struct context *ctx, const char *chains,
                             struct chain_info *info) MUST_CHECK;
-/* `is_own`: chain_file_trust. */
+/* Whose chain file it is that levels are made from: */
+enum chains_are {
+    CHAINS_GIVEN,
+    CHAINS_OWN,        /* of this run alone: chain_file_trust */
+    CHAINS_KEPT,       /* the run leaves it behind: lod_options.keeps_trunk */
+    CHAINS_KEPT_SYNCED /* and it is to be on the disk */
+};
+
 enum status make_levels(struct context *ctx, const char *chains, const char *output,
-                        const spbm_target *target, const spbm_lod_options *options, bool is_own,
-                        struct lod_report *report) MUST_CHECK;
+                        const spbm_target *target, const spbm_lod_options *options,
+                        enum chains_are chains_are, struct lod_report *report) MUST_CHECK;
 
 /* Where store and chain file of a whole run lie: kept under names, or in files without one. */
 struct workspace {

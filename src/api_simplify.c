@@ -198,10 +198,14 @@ static enum status lod_stage(struct run *run)
 {
     struct lod_report levels = {0};
     const spbm_simplify_options *options = run->options;
+    const enum chains_are chains_are = run->work.chains_fd >= 0 ? CHAINS_OWN
+                                       : !options->keep_dir     ? CHAINS_GIVEN
+                                       : options->patch.sync    ? CHAINS_KEPT_SYNCED
+                                                                : CHAINS_KEPT;
     enum status status = stage_begin(run->job, STAGE_LOD, &run->size);
     if (status == STATUS_OK)
         status = make_levels(run->ctx, run->work.chains, run->output, &options->target,
-                             &options->lod, run->work.chains_fd >= 0, &levels);
+                             &options->lod, chains_are, &levels);
     if (status == STATUS_OK || status == STATUS_TARGET_MISSED) {
         stage_end(run, stage_name(STAGE_LOD), false);
         copy_levels(&run->report->levels, &levels, &run->chains);

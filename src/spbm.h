@@ -496,7 +496,9 @@ typedef struct spbm_simplify_options {
     spbm_patch_options patch;
     spbm_lod_options lod;
     const char *keep_dir;   /* NULL: store and chain file are temporary; else they are kept there as
-                               mesh.store and mesh.chains, and the directory is made if need be */
+                               mesh.store and mesh.chains, and the directory is made if need be.
+                               The latter gets what makes further levels cheap (spbm_lod) where they
+                               go by counts with the same effort and placement */
     const char *resume_dir; /* NULL: a run that does not finish leaves nothing. Else finished stages
                                are kept in a folder there, named by inputs and options, while the
                                run lasts; if it ends otherwise than by finishing (even by SIGKILL)

@@ -10,6 +10,7 @@
 #include "base/checksum.h"
 #include "base/external_sort.h"
 #include "base/memory.h"
+#include "simplify/chain_trunk.h"
 #include "simplify/chain_frame.h"
 
 enum { CHECK_SORT_LIMIT = 8 << 20 };
@@ -233,6 +234,8 @@ enum status chain_file_check(struct context *ctx, const char *path)
         status = count_seam_vertices(&check);
     if (!status)
         status = compare_counts(&check);
+    if (!status)
+        status = chain_trunk_check(ctx, check.file);
     sorter_close(&check.copies);
     sorter_close(&check.uses);
     chain_file_close(&check.file);

@@ -20,23 +20,6 @@ enum { NO_BASE = -1 };
 
 /* ---- positions and attributes: vertices in the order of the chains ---- */
 
-/* The bits of a float as an integer that ascends with the float: all inverted below zero, else the
- * sign set. */
-static inline uint32_t float_to_ordered(float value)
-{
-    uint32_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    return bits ^ (0x80000000 | (0 - (bits >> 31)));
-}
-
-static inline float ordered_to_float(uint32_t ordered)
-{
-    uint32_t bits = ordered ^ (0x80000000 | ((ordered >> 31) - 1));
-    float value;
-    memcpy(&value, &bits, sizeof value);
-    return value;
-}
-
 /* Vertices whose codes are cut into bytes, or put together, at a time: in vectors, where a vertex
  * by itself would take twelve bytes from as many places. */
 enum { BATCH = 256 };

@@ -109,9 +109,10 @@ enum status chain_file_open(struct context *ctx, const char *path, struct chain_
         memory_release(ctx, &file, 1, sizeof *file);
         return status;
     }
-    if (file->reader.count != 4)
-        status =
-            fail(ctx, STATUS_BAD_INPUT, "%s: %u sections instead of 4", path, file->reader.count);
+    const unsigned wanted = section_find(&file->reader, CHAIN_SECTION_TRUNK) ? 5 : 4;
+    if (file->reader.count != wanted)
+        status = fail(ctx, STATUS_BAD_INPUT, "%s: %u sections instead of %u", path,
+                      file->reader.count, wanted);
     if (!status)
         status = read_info(file);
     if (!status)
@@ -167,6 +168,20 @@ static enum status read_part(struct chain_file *file, const char *what, uint64_t
                       what, taken, stored);
     }
     return status;
+}
+
+enum status chain_file_trunk_bytes(struct chain_file *file, const char *what, struct context **ctx,
+                                   unsigned char **raw, size_t *size)
+{
+    const struct section *section = section_find(&file->reader, CHAIN_SECTION_TRUNK);
+    *ctx = file->ctx;
+    *raw = NULL;
+    *size = 0;
+    if (!section)
+        return STATUS_OK;
+    if (section->length > BLOCK_MAX + BLOCK_HEADER_SIZE)
+        return fail(file->ctx, STATUS_BAD_INPUT, "%s: it is too long", what);
+    return read_part(file, what, section->offset, (uint32_t)section->length, raw, size);
 }
 
 enum status chain_block_read_counting(struct chain_file *file, uint32_t slab,

@@ -102,9 +102,9 @@ static void choose_frame(struct collapse *c, const double *doubles, const float 
     c->unit = (float)fmin(unit / c->scale, 0x1p100);
 }
 
-static enum status start(struct context *ctx, const struct collapse_options *options,
-                         uint64_t vertex_count, uint64_t face_count,
-                         const struct attributes *attributes, struct collapse **out)
+enum status collapse_start(struct context *ctx, const struct collapse_options *options,
+                           uint64_t vertex_count, uint64_t face_count,
+                           const struct attributes *attributes, struct collapse **out)
 {
     *out = NULL;
     if (face_count > (UINT32_MAX - 2) / 3 || vertex_count > VERTICES_MAX)
@@ -128,7 +128,7 @@ static enum status start(struct context *ctx, const struct collapse_options *opt
     return STATUS_OK;
 }
 
-static enum status take_faces(struct collapse *c, const uint32_t *faces)
+enum status collapse_take_faces(struct collapse *c, const uint32_t *faces)
 {
     enum status status =
         memory_take(c->ctx, (size_t)c->face_count, 3 * sizeof *c->corners, &c->corners);
@@ -165,8 +165,7 @@ static enum status take_vertices(struct collapse *c, const double *doubles, cons
     return STATUS_OK;
 }
 
-/* Adjacency, fans and keys. */
-static enum status make_ready(struct collapse *c)
+enum status collapse_make_ready(struct collapse *c)
 {
     enum status status = topology_build(c);
     if (status == STATUS_OK)
@@ -184,9 +183,9 @@ enum status collapse_begin(struct context *ctx, const struct collapse_options *o
                            struct collapse **out)
 {
     const struct attributes *kept = attributes && records ? attributes : NULL;
-    enum status status = start(ctx, options, vertex_count, face_count, kept, out);
+    enum status status = collapse_start(ctx, options, vertex_count, face_count, kept, out);
     if (status == STATUS_OK)
-        status = take_faces(*out, faces);
+        status = collapse_take_faces(*out, faces);
     if (status == STATUS_OK)
         status = take_vertices(*out, positions, NULL, locked, NULL);
     if (status == STATUS_OK && kept) {
@@ -196,7 +195,7 @@ enum status collapse_begin(struct context *ctx, const struct collapse_options *o
             memcpy((*out)->records, records, (size_t)vertex_count * stride);
     }
     if (status == STATUS_OK)
-        status = make_ready(*out);
+        status = collapse_make_ready(*out);
     if (status != STATUS_OK)
         collapse_end(out);
     return status;
@@ -209,9 +208,10 @@ enum status collapse_begin_giving(struct context *ctx, const struct collapse_opt
     const struct attributes *kept = attributes && mesh->records ? attributes : NULL;
     const uint32_t stride = attributes ? attributes->stride : 0;
     const size_t vertices = (size_t)mesh->vertex_count;
-    enum status status = start(ctx, options, mesh->vertex_count, mesh->face_count, kept, out);
+    enum status status =
+        collapse_start(ctx, options, mesh->vertex_count, mesh->face_count, kept, out);
     if (status == STATUS_OK)
-        status = take_faces(*out, mesh->faces);
+        status = collapse_take_faces(*out, mesh->faces);
     memory_release(ctx, &mesh->faces, (size_t)mesh->face_count, 3 * sizeof *mesh->faces);
     if (status == STATUS_OK)
         status = take_vertices(*out, NULL, mesh->positions, mesh->locked, mesh->witnesses);
@@ -222,7 +222,7 @@ enum status collapse_begin_giving(struct context *ctx, const struct collapse_opt
     memory_release(ctx, &mesh->positions, vertices, 3 * sizeof *mesh->positions);
     memory_release(ctx, &mesh->witnesses, vertices, 3 * sizeof *mesh->witnesses);
     if (status == STATUS_OK)
-        status = make_ready(*out);
+        status = collapse_make_ready(*out);
     collapse_mesh_clear(ctx, stride, mesh);
     if (status != STATUS_OK)
         collapse_end(out);
@@ -308,6 +308,11 @@ static uint64_t next_reference(struct collapse *c, uint64_t most_faces, bool bou
     if (most_faces > 0 && faces / times > most_faces)
         faces = times * most_faces;
     return faces > most_faces + most_faces / 4 ? faces : 0;
+}
+
+uint64_t collapse_measured_from(struct collapse *c, uint64_t most_faces)
+{
+    return next_reference(c, most_faces, false);
 }
 
 static enum status set_bound(struct collapse *c, double bound)

@@ -81,7 +81,45 @@ enum status collapse_copy(const struct collapse *collapse, struct collapse **out
 /* From now on collapses come in another order: each variant has its own; 0 at first. */
 void collapse_set_variant(struct collapse *collapse, uint32_t variant);
 
+/* How many faces there are when, on the way to such a target without a bound, collapses begin to be
+ * measured; 0: they do not. */
+uint64_t collapse_measured_from(struct collapse *collapse, uint64_t most_faces);
+
+/*
+ * A mesh on its way, in few bytes, where no collapses are measured yet: what goes on from it does
+ * the same whenever that is. Positions are relative to where they were given, times `scale`.
+ */
+struct collapse_state {
+    uint64_t vertex_count, face_count;
+    uint64_t room;      /* faces that it had at first */
+    double scale, unit; /* powers of two */
+    double typical_error, astray, error_sum;
+    uint64_t error_count, refused_count;
+    uint32_t guard;
+    bool flat_is_left;
+    float *positions;
+    uint32_t *faces;
+    uint16_t *notes; /* 4 a vertex: witness and offset */
+    unsigned char *records;
+};
+
+enum { COLLAPSE_GUARDS = 3 };
+
+/* Ends the collapse and keeps its state, which is the caller's to clear; nothing may be locked. */
+enum status collapse_save(struct collapse **collapse, struct collapse_state *state) MUST_CHECK;
+/* The state is given away, on failure too. It must be sound: every index in range, every number
+ * finite; that it is a manifold is found out (STATUS_BAD_INPUT as options->source says). */
+enum status collapse_resume(struct context *ctx, const struct collapse_options *options,
+                            struct collapse_state *state, const struct attributes *attributes,
+                            struct collapse **out) MUST_CHECK;
+/* Takes memory for the arrays of as many vertices and faces as the state says. */
+enum status collapse_state_take(struct context *ctx, uint32_t stride,
+                                struct collapse_state *state) MUST_CHECK;
+void collapse_state_clear(struct context *ctx, uint32_t stride, struct collapse_state *state);
+
 uint64_t collapse_faces(const struct collapse *collapse);
+/* The Euler characteristic of the present mesh. */
+int64_t collapse_euler(const struct collapse *collapse);
 /* Estimated largest distance so far. */
 enum status collapse_error(const struct collapse *collapse, double *error) MUST_CHECK;
 bool collapse_exhausted(const struct collapse *collapse);

@@ -123,6 +123,16 @@ static inline uint32_t corner_opposite(const struct collapse *collapse, uint32_t
     return collapse->corners[corner_next(c)].swing;
 }
 
+/* ---- collapse.c ---- */
+
+/* A new one without vertices and corners. */
+enum status collapse_start(struct context *ctx, const struct collapse_options *options,
+                           uint64_t vertex_count, uint64_t face_count,
+                           const struct attributes *attributes, struct collapse **out) MUST_CHECK;
+enum status collapse_take_faces(struct collapse *collapse, const uint32_t *faces) MUST_CHECK;
+/* Makes adjacency, fans and keys. */
+enum status collapse_make_ready(struct collapse *collapse) MUST_CHECK;
+
 /* ---- collapse_topology.c ---- */
 
 /* Finds swings, vertex corners and borders from the ends. STATUS_INTERNAL when the faces are no

@@ -49,6 +49,8 @@ static bool match_vertex(struct collapse *c, uint32_t v, uint32_t *seen)
     if (unmatched > 1)
         return false;
     /* in an open fan all corners but one are another's swing: that one is left over */
+    if (unmatched == 0 && count < 3)
+        return false; /* one face is the back of the other */
     if (unmatched == 0)
         start = first;
     else

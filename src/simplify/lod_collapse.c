@@ -276,12 +276,40 @@ static enum status join_nodes(struct lod *lod)
 
 /* ---- the levels ---- */
 
-static enum status make_levels(struct lod *lod)
+static enum status make_levels(struct lod *lod, struct trunk *trunk)
 {
+    const bool keeps = lod->options->keeps_trunk;
     struct small_mesh empty = {0};
     struct small_mesh *whole = lod->info->slab_count > 0 ? &lod->nodes[0] : &empty;
-    const struct lod_root root = {&whole->triangles, lod->lost, lod->collapse, &lod->milestones};
+    const struct lod_root root = {&whole->triangles, trunk,
+                                  keeps ? chain_file_name(lod->file) : NULL, lod->collapse,
+                                  &lod->milestones};
     return lod_levels_make(lod->ctx, lod->info, lod->options, &root, lod->report);
+}
+
+/* The trunk that the file has, if it is of the same sequence; else all zero. */
+static enum status find_trunk(struct lod *lod, struct trunk *trunk)
+{
+    memset(trunk, 0, sizeof *trunk);
+    if (lod->milestones.count == 0)
+        return STATUS_OK;
+    enum status status = chain_trunk_read(lod->file, trunk);
+    if (trunk->subset != lod->collapse.subset || trunk->effort != effort_of(lod) ||
+        trunk->finest != lod->milestones.faces[0])
+        chain_trunk_clear(lod->ctx, lod->stride, trunk);
+    lod->report->small_faces = trunk->small_faces;
+    return status;
+}
+
+/* The trunk's beginning from the blocks. */
+static enum status make_root(struct lod *lod, struct trunk *trunk)
+{
+    enum status status = make_leaves(lod);
+    if (status == STATUS_OK)
+        status = join_nodes(lod);
+    trunk->lost = lod->lost;
+    trunk->small_faces = lod->report->small_faces;
+    return status;
 }
 
 enum status lod_collapse(struct context *ctx, struct chain_file *file,
@@ -298,20 +326,22 @@ enum status lod_collapse(struct context *ctx, struct chain_file *file,
                                    .source = chain_file_name(file)},
                       .stride = info->attributes.stride};
     const size_t slabs = info->slab_count;
+    struct trunk trunk;
     choose_fineness(&lod);
-    enum status status = memory_take_zeroed(ctx, slabs, sizeof *lod.nodes, &lod.nodes);
+    enum status status = find_trunk(&lod, &trunk);
+    if (status == STATUS_OK)
+        status = memory_take_zeroed(ctx, slabs, sizeof *lod.nodes, &lod.nodes);
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, slabs, sizeof *lod.weights, &lod.weights);
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, slabs, sizeof *lod.built, &lod.built);
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, ctx->threads, sizeof *lod.spaces, &lod.spaces);
+    if (status == STATUS_OK && trunk.finest == 0)
+        status = make_root(&lod, &trunk);
     if (status == STATUS_OK)
-        status = make_leaves(&lod);
-    if (status == STATUS_OK)
-        status = join_nodes(&lod);
-    if (status == STATUS_OK)
-        status = make_levels(&lod);
+        status = make_levels(&lod, &trunk);
+    chain_trunk_clear(ctx, lod.stride, &trunk);
     if (lod.nodes)
         clear_nodes(&lod);
     for (unsigned i = 0; lod.spaces && i < ctx->threads; i++)

@@ -156,6 +156,68 @@ static void set_next_goal(struct levels *levels)
                                       : 1;
 }
 
+/* Level of compression of a chain file that is kept. */
+enum { KEPT_LEVEL = 1 };
+
+/*
+ * Takes the trunk to the place where what goes to the finest count begins to be measured, or tried
+ * several times. From there on it is little work, so that its state is one to be kept. (Where it is
+ * held back by a bound before, there is no such place.)
+ */
+static enum status go_to_state(struct levels *levels, const struct lod_root *root,
+                               const struct collapse_options *options)
+{
+    struct context *ctx = levels->ctx;
+    struct trunk *kept = root->trunk;
+    const struct attributes *attributes = &levels->info->attributes;
+    const bool goes_by_file = levels->milestones->count > 0;
+    const struct level *finest = &levels->report->levels[0];
+    const uint64_t goal = goes_by_file ? levels->goal : finest->wanted_faces;
+    const double bound = lod_error_bound(finest);
+    const uint64_t faces =
+        is_small(levels, goal) ? tried_from(goal) : collapse_measured_from(levels->trunk, goal);
+    if (faces == 0)
+        return STATUS_OK;
+    enum status status = collapse_approach(levels->trunk, faces, bound);
+    if (status == STATUS_OK && bound < INFINITY && collapse_faces(levels->trunk) > faces)
+        return STATUS_OK;
+    if (status == STATUS_OK)
+        status = collapse_save(&levels->trunk, &kept->state);
+    if (status == STATUS_OK && root->chains && goes_by_file) {
+        kept->subset = options->subset;
+        kept->effort = levels->effort;
+        kept->finest = goal;
+        status = chain_trunk_add(ctx, root->chains, kept, attributes->stride, KEPT_LEVEL,
+                                 levels->options->syncs_trunk);
+    }
+    if (status == STATUS_OK)
+        status = collapse_resume(ctx, options, &kept->state, attributes, &levels->trunk);
+    return status;
+}
+
+/* The trunk, where the first milestone is the next goal. */
+static enum status begin_trunk(struct levels *levels, const struct lod_root *root)
+{
+    const struct attributes *attributes = &levels->info->attributes;
+    struct collapse_options options = root->collapse;
+    options.together = true;
+    options.measured = true;
+    enum status status;
+    if (root->trunk->finest > 0) {
+        status =
+            collapse_resume(levels->ctx, &options, &root->trunk->state, attributes, &levels->trunk);
+        if (status == STATUS_OK && collapse_euler(levels->trunk) != levels->info->topology.euler)
+            status = fail(levels->ctx, STATUS_BAD_INPUT,
+                          "%s: is damaged: section TRNK has another topology than the file",
+                          options.source);
+        return status;
+    }
+    status = collapse_begin_giving(levels->ctx, &options, root->mesh, attributes, &levels->trunk);
+    if (status == STATUS_OK && levels->report->levels[0].wanted_faces > 0)
+        status = go_to_state(levels, root, &options);
+    return status;
+}
+
 /* Takes the trunk to its goal, and chooses the next. */
 static enum status pass_goal(struct levels *levels)
 {
@@ -235,14 +297,10 @@ enum status lod_levels_make(struct context *ctx, const struct chain_info *info,
                             .options = options,
                             .milestones = root->milestones,
                             .report = report,
-                            .lost = root->lost,
+                            .lost = root->trunk->lost,
                             .effort = effort < 3 ? effort : 3,
                             .goal = root->milestones->faces[0]};
-    struct collapse_options collapse = root->collapse;
-    collapse.together = true;
-    collapse.measured = true;
-    enum status status =
-        collapse_begin_giving(ctx, &collapse, root->mesh, &info->attributes, &levels.trunk);
+    enum status status = begin_trunk(&levels, root);
     for (uint32_t i = 0; i < report->level_count && status == STATUS_OK; i++) {
         if (root->milestones->count > 0) {
             status = make_counted(&levels, i);

@@ -4,13 +4,14 @@
 #ifndef SPBM_SIMPLIFY_LOD_LEVELS_H
 #define SPBM_SIMPLIFY_LOD_LEVELS_H
 
-#include "simplify/collapse.h"
+#include "simplify/chain_trunk.h"
 #include "simplify/lod_target.h"
 
 /* What the levels are made of, and by what. */
 struct lod_root {
-    struct collapse_mesh *mesh; /* is given away */
-    double lost;                /* no level's error is less */
+    struct collapse_mesh *mesh; /* is given away; not looked at where the trunk has a state */
+    struct trunk *trunk;        /* `lost` and `small_faces` are known; its state is given away */
+    const char *chains;         /* where the trunk is to be kept; NULL: nowhere */
     struct collapse_options collapse;
     const struct milestones *milestones;
 };

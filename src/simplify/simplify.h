@@ -77,6 +77,9 @@ struct lod_options {
     const char *output;           /* a name; with several levels it holds %d (0 is the finest) */
     struct export_options export;
     bool is_own_file; /* chain_file_trust */
+    bool keeps_trunk; /* the chain file is written again, with what makes a further level cheap
+                         (chain_trunk.h), if it can */
+    bool syncs_trunk;
 };
 
 /* One stage of joining the blocks' small meshes, mode collapse. */

@@ -8,6 +8,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 enum { SMALL_NUMBER_MAX = 5 }; /* bytes */
 
@@ -57,7 +58,24 @@ static inline uint32_t unzigzag(uint32_t code)
     return code >> 1 ^ (0 - (code & 1));
 }
 
-static size_t left_in(const struct source *source)
+/* The bits of a float as an integer that ascends with the float: all inverted below zero, else the
+ * sign set. */
+static inline uint32_t float_to_ordered(float value)
+{
+    uint32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    return bits ^ (0x80000000 | (0 - (bits >> 31)));
+}
+
+static inline float ordered_to_float(uint32_t ordered)
+{
+    uint32_t bits = ordered ^ (0x80000000 | ((ordered >> 31) - 1));
+    float value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+static inline size_t left_in(const struct source *source)
 {
     return (size_t)(source->end - source->at);
 }

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "base/memory.h"
 #include "mesh/store.h"
@@ -14,7 +15,7 @@
 #include "test_kit.h"
 #include "test_shapes.h"
 
-static char store_path[256], chain_path[256], other_path[256];
+static char store_path[256], chain_path[256], other_path[256], kept_path[256];
 
 static int set_up(void **unused)
 {
@@ -26,6 +27,7 @@ static int set_up(void **unused)
     snprintf(store_path, sizeof store_path, "%s", test_path("faults.store"));
     snprintf(chain_path, sizeof chain_path, "%s", test_path("faults.chains"));
     snprintf(other_path, sizeof other_path, "%s", test_path("other.chains"));
+    snprintf(kept_path, sizeof kept_path, "%s", test_path("kept.chains"));
     struct shape shape = shape_noisy_torus(24, 12, 0.02, 1);
     shape_write(&shape, SHAPE_PLY_LITTLE, scan);
     shape_free(&shape);
@@ -57,6 +59,11 @@ static enum status run_check(struct context *ctx)
     return chain_file_check(ctx, chain_path);
 }
 
+static enum status run_check_kept(struct context *ctx)
+{
+    return chain_file_check(ctx, kept_path);
+}
+
 static enum status run_read(struct context *ctx)
 {
     struct chain_file *file;
@@ -68,6 +75,17 @@ static enum status run_read(struct context *ctx)
     }
     chain_file_close(&file);
     return status;
+}
+
+/* Levels of a file that is written again with its trunk, and then those from the trunk. */
+static enum status run_keep(struct context *ctx)
+{
+    struct lod_report report;
+    const struct lod_options options = {
+        .target = {.count = 1, .values = {60}, .mode = MODE_COLLAPSE, .effort = 1},
+        .output = test_path("faults-out.ply"),
+        .keeps_trunk = true};
+    return lod_build(ctx, kept_path, &options, &report);
 }
 
 static enum status run_labels(struct context *ctx)
@@ -134,6 +152,22 @@ static void reading_and_checking(void **unused)
     every_fault(run_check, 1);
 }
 
+static void keeping_a_trunk(void **unused)
+{
+    (void)unused;
+    struct context ctx;
+    context_init(&ctx);
+    assert_int_equal(build(&ctx, kept_path), STATUS_OK);
+    context_clear(&ctx);
+    struct stat before, after;
+    assert_int_equal(stat(kept_path, &before), 0);
+    every_fault(run_keep, 1);
+    assert_int_equal(stat(kept_path, &after), 0);
+    assert_true(after.st_size > before.st_size);
+    every_fault(run_keep, 1);
+    every_fault(run_check_kept, 1);
+}
+
 /* Whatever the budget: the same file or no memory. */
 static void small_budgets(void **unused)
 {
@@ -169,6 +203,7 @@ int main(void)
         cmocka_unit_test(labels),
         cmocka_unit_test(building),
         cmocka_unit_test(reading_and_checking),
+        cmocka_unit_test(keeping_a_trunk),
         cmocka_unit_test(small_budgets),
     };
     return cmocka_run_group_tests(tests, set_up, NULL);

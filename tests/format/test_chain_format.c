@@ -7,7 +7,8 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "simplify/chain_file.h"
+#include "simplify/chain_trunk.h"
+#include "simplify/simplify.h"
 #include "test_chains.h"
 #include "test_kit.h"
 #include "test_shapes.h"
@@ -52,6 +53,22 @@ static void summarise(const char *path, char text[TEXT_MAX])
     snprintf(text + used, (size_t)(TEXT_MAX - used),
              "%s\nrecord_sum %llu\nx %.17g\ny %.17g\nz %.17g\narea %.17g\n",
              info->attributes.count ? "" : " -", record_sum, sums[0], sums[1], sums[2], area);
+    struct trunk trunk;
+    must(chain_trunk_read(file, &trunk));
+    const struct collapse_state *state = &trunk.state;
+    double sum = 0;
+    record_sum = 0;
+    for (size_t i = 0; i < 3 * state->vertex_count; i++)
+        sum += (double)state->positions[i];
+    for (size_t i = 0; i < state->vertex_count * info->attributes.stride; i++)
+        record_sum += state->records[i];
+    used = (int)strlen(text);
+    if (trunk.finest > 0)
+        snprintf(text + used, (size_t)(TEXT_MAX - used), "trunk %u %llu %llu %llu %llu %.17g\n",
+                 trunk.effort, (unsigned long long)trunk.finest,
+                 (unsigned long long)state->vertex_count, (unsigned long long)state->face_count,
+                 record_sum, sum);
+    chain_trunk_clear(&ctx, info->attributes.stride, &trunk);
     chain_file_close(&file);
     context_clear(&ctx);
 }
@@ -70,7 +87,8 @@ static int run_reader(const char *path, char text[TEXT_MAX])
     return pclose(pipe);
 }
 
-static void readers_must_agree(const char *path)
+/* Returns whether the file has a trunk. */
+static bool readers_must_agree(const char *path)
 {
     char ours[TEXT_MAX], theirs[TEXT_MAX];
     summarise(path, ours);
@@ -79,9 +97,10 @@ static void readers_must_agree(const char *path)
         print_message("%s\n", theirs);
     assert_int_equal(code, 0);
     assert_string_equal(ours, theirs);
+    return strstr(theirs, "\ntrunk ") != NULL;
 }
 
-static void agree_on(struct shape shape, uint32_t slab_faces, const struct patch_options *options,
+static bool agree_on(struct shape shape, uint32_t slab_faces, const struct patch_options *options,
                      uint32_t stride, int level)
 {
     struct context ctx;
@@ -106,8 +125,20 @@ static void agree_on(struct shape shape, uint32_t slab_faces, const struct patch
                 block->records[v] = (unsigned char)(100 * block->positions[3 * v] + 100);
         }
     }
+    set.info.target_kind = TARGET_RATIO;
+    set.info.target_count = 1;
+    set.info.targets[0] = 0.3;
+    set.info.effort = 1;
     chain_set_write(&set, path, level);
-    readers_must_agree(path);
+    assert_false(readers_must_agree(path));
+    struct lod_report report;
+    const struct lod_options lod = {
+        .target = {.kind = TARGET_RATIO, .count = 1, .values = {0.2}, .effort = 1},
+        .output = test_path("format.ply"),
+        .keeps_trunk = true};
+    const enum status made = lod_build(&ctx, path, &lod, &report);
+    assert_true(made == STATUS_OK || made == STATUS_TARGET_MISSED);
+    const bool has_trunk = readers_must_agree(path);
     for (uint32_t i = 0; stride && i < slabs.slab_count; i++)
         memory_release(&ctx, &set.blocks[i].records, set.blocks[i].vertex_count, 1);
     chain_set_free(&set);
@@ -115,6 +146,7 @@ static void agree_on(struct shape shape, uint32_t slab_faces, const struct patch
     mesh_clear(&ctx, &mesh);
     assert_int_equal(ctx.memory_now, 0);
     context_clear(&ctx);
+    return has_trunk;
 }
 
 static void small_meshes(void **unused)
@@ -127,7 +159,7 @@ static void small_meshes(void **unused)
     agree_on(shape_tetrahedron(), 2, &closed, 0, 0);
     agree_on(shape_tetrahedron(), 3, &closed, 0, 0);
     agree_on(shape_noisy_sphere(3, 0.03, 1), 1 << 18, &fine, 0, 6);
-    agree_on(shape_noisy_sphere(4, 0.03, 2), 512, &fine, 1, 6);
+    assert_true(agree_on(shape_noisy_sphere(4, 0.03, 2), 512, &fine, 1, 6));
     agree_on(shape_noisy_torus(30, 14, 0.05, 3), 128, &all, 1, 0);
     agree_on(shape_grid_with_holes(24, 24), 256, &closed, 0, 12);
     agree_on(shape_noisy_slab(20, 0.3, 4), 64, &all, 0, 6);

@@ -110,6 +110,17 @@ void target_seeds(const struct seed_taker *taker)
                     "a seed can be imported");
             require(chain_build(&ctx, store, chains, &target, &request, NULL) == STATUS_OK,
                     "a seed can be patchified");
+            if (i == 4) { /* with the section from which levels begin */
+                const struct lod_options lod = {.target = target,
+                                                .output = target_path("level.ply"),
+                                                .export = {.format = EXPORT_PLY},
+                                                .keeps_trunk = true};
+                struct lod_report report;
+                const enum status made = lod_build(&ctx, chains, &lod, &report);
+                require(made == STATUS_OK || made == STATUS_TARGET_MISSED,
+                        "a seed gives its level");
+                target_clear("level.ply");
+            }
             unsigned char *bytes = test_read_file(chains, &size);
             require(bytes != NULL, "a seed can be read");
             taker->take(taker->user, bytes, size);
