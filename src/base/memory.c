@@ -152,15 +152,15 @@ static void block_release(struct context *ctx, void *block, size_t bytes)
 }
 
 /* Both sizes are those of maps. */
-static void *map_resize(void *block, size_t old_bytes, size_t new_bytes)
+static void *block_resize_map(void *block, size_t old_bytes, size_t new_bytes)
 {
     size_t old_whole = map_bytes(old_bytes) + guard_bytes();
     size_t new_whole = map_bytes(new_bytes) + guard_bytes();
     if (new_whole < new_bytes)
         return NULL;
     ASAN_UNPOISON_MEMORY_REGION(block, old_whole);
-    void *moved = mremap(block, old_whole, new_whole, MREMAP_MAYMOVE);
-    if (moved == MAP_FAILED) {
+    void *moved = map_resize(block, old_whole, new_whole);
+    if (!moved) {
         ASAN_POISON_MEMORY_REGION((char *)block + old_bytes, old_whole - old_bytes);
         return NULL;
     }
@@ -173,7 +173,7 @@ static void *block_resize(struct context *ctx, void *block, size_t old_bytes, si
     if (!is_map(old_bytes) && !is_map(new_bytes))
         return realloc(block, new_bytes ? new_bytes : 1);
     if (is_map(old_bytes) && is_map(new_bytes))
-        return map_resize(block, old_bytes, new_bytes);
+        return block_resize_map(block, old_bytes, new_bytes);
     void *moved = block_take(ctx, new_bytes, false);
     if (!moved)
         return NULL;

@@ -8,12 +8,18 @@
  * enough, or a part of it; if there is none, the largest is lengthened by its page tables (mremap).
  * memory.c sees to it that blocks and spares together are never more than blocks alone have been,
  * so that all this shows in no budget and no peak.
+ *
+ * Where the system puts a map, a large page (2 MiB) fits only from the first multiple of its size
+ * on, and what lies before and behind comes in small ones, hundreds of faults for each block. So
+ * large maps are put at such multiples.
  */
 #include "base/spare_maps.h"
 
 #include <string.h>
 #include <sys/mman.h>
 #include <unistd.h>
+
+enum { LARGE_PAGE = 2 << 20 };
 
 void spare_maps_init(struct spare_maps *spares)
 {
@@ -63,6 +69,39 @@ static unsigned best_for(const struct spare_maps *spares, size_t bytes)
     return found;
 }
 
+/* A new map, a large one at an address where all of it can be large pages; NULL when the system
+ * refuses. */
+static void *map_new(size_t bytes)
+{
+    const size_t slack = bytes >= LARGE_PAGE ? LARGE_PAGE : 0;
+    unsigned char *map =
+        mmap(NULL, bytes + slack, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (map == MAP_FAILED)
+        return NULL;
+    if (slack == 0)
+        return map;
+    const size_t before = -(uintptr_t)map % LARGE_PAGE;
+    if (before > 0)
+        munmap(map, before);
+    if (before < slack)
+        munmap(map + before + bytes, slack - before);
+    return map + before;
+}
+
+void *map_resize(void *map, size_t old_bytes, size_t new_bytes)
+{
+    void *moved = mremap(map, old_bytes, new_bytes, new_bytes < LARGE_PAGE ? MREMAP_MAYMOVE : 0);
+    if (moved != MAP_FAILED || new_bytes < LARGE_PAGE)
+        return moved == MAP_FAILED ? NULL : moved;
+    void *place = map_new(new_bytes);
+    if (!place)
+        return NULL;
+    moved = mremap(map, old_bytes, new_bytes, MREMAP_MAYMOVE | MREMAP_FIXED, place);
+    if (moved == MAP_FAILED)
+        munmap(place, new_bytes);
+    return moved == MAP_FAILED ? NULL : moved;
+}
+
 /* ---- the interface ---- */
 
 void spare_maps_put(struct spare_maps *spares, void *map, size_t bytes)
@@ -99,20 +138,16 @@ void *spare_maps_take(struct spare_maps *spares, size_t bytes, size_t *used)
     }
     pthread_mutex_unlock(&spares->lock);
     if (spare.at && spare.bytes < bytes) {
-        void *moved = mremap(spare.at, spare.bytes, bytes, MREMAP_MAYMOVE);
-        if (moved == MAP_FAILED) {
+        void *moved = map_resize(spare.at, spare.bytes, bytes);
+        if (!moved)
             munmap(spare.at, spare.bytes);
-            spare.at = NULL;
-        } else {
-            spare.at = moved;
-        }
+        spare.at = moved;
     }
     if (spare.at) {
         *used = spare.bytes;
         return spare.at;
     }
-    void *map = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    return map == MAP_FAILED ? NULL : map;
+    return map_new(bytes);
 }
 
 void spare_maps_trim(struct spare_maps *spares, uint64_t most)

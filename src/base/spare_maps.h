@@ -29,6 +29,10 @@ struct spare_maps {
 void spare_maps_init(struct spare_maps *spares);
 void spare_maps_clear(struct spare_maps *spares);
 
+/* A map in another size, both of whole pages, and perhaps at another place, where all of a large
+ * one can be large pages. NULL, and nothing done, when the system refuses. */
+void *map_resize(void *map, size_t old_bytes, size_t new_bytes);
+
 /* Gives a map of whole pages away, to be kept or returned to the system. */
 void spare_maps_put(struct spare_maps *spares, void *map, size_t bytes);
 /* A readable and writable map of so many bytes; the first *used of them were used before and hold
