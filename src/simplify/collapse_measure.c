@@ -286,9 +286,9 @@ static void measure_long_edges(const struct measuring *measuring, uint64_t job, 
         for (unsigned k = 1; k < parts && parts == EDGE_PARTS_MAX; k++) {
             const struct vec3 p = edge_point(a, b, k, parts);
             const double enough = piece->largest * piece->largest;
-            /* first only the boxes that are near enough */
-            double square = search_all(c, &measuring->boxes, p, enough, enough);
-            if (square < enough)
+            /* first only the boxes that are near enough, up to the first face that is */
+            double square = search_all(c, &measuring->boxes, p, enough * 1.000001, enough);
+            if (square <= enough)
                 continue;
             square = search_all(c, &measuring->boxes, p, INFINITY, enough);
             piece->largest = fmax(piece->largest, sqrt(square));
