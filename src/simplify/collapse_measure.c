@@ -109,12 +109,30 @@ static double search_run(const struct collapse *c, size_t run, struct vec3 p, do
     return square;
 }
 
+/* The box nearest to p of those from `first` to `end`. */
+static size_t nearest_box(const struct box *boxes, size_t first, size_t end, const double p[3])
+{
+    size_t nearest = first;
+    double least = INFINITY;
+    for (size_t i = first; i < end; i++) {
+        const double square = box_square(&boxes[i], p);
+        nearest = square < least ? i : nearest;
+        least = square < least ? square : least;
+    }
+    return nearest;
+}
+
 /* The least of `square` and the squared distances of p from all faces; below `enough` it need not
- * be exact. */
+ * be exact. Where nothing is known the nearest box comes first, which leaves few others. */
 static double search_all(const struct collapse *c, const struct boxes *boxes, struct vec3 p,
                          double square, double enough)
 {
     const double at[3] = {p.x, p.y, p.z};
+    if (!(square < INFINITY)) {
+        const size_t first = RUN * nearest_box(boxes->of_boxes, 0, boxes->box_runs, at);
+        const size_t end = first + RUN < boxes->face_runs ? first + RUN : boxes->face_runs;
+        square = search_run(c, nearest_box(boxes->of_faces, first, end, at), p, square);
+    }
     for (size_t i = 0; i < boxes->box_runs; i++) {
         if (!(box_square(&boxes->of_boxes[i], at) < square))
             continue;

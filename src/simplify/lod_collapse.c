@@ -29,7 +29,7 @@ enum { JOIN_WIDTH = 8 };
  * enough for the root to choose where they are needed, and for the locked seams not to show. (On a
  * noisy million-face scan and the dragon 4 to 10 make no difference to the means; with 3 the mean
  * at 3,500 faces is 5 % larger and the largest distance half.) */
-static const double SLACK[4] = {10, 4, 7, 10};
+static const double SLACK[4] = {10, 4, 5, 10};
 /* A joined node that has not more than so many times what it is to be left with stays as it is, by
  * effort: taking it up would cost more than what the next node has to do less. The root's memory is
  * counted with ten times the finest level. */
