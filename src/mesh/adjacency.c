@@ -78,25 +78,32 @@ struct slab_edges { /* the slab in work, for the inner loops */
     uint32_t face_first;
 };
 
-static void link_or_refuse(const struct slab_edges *s, uint32_t earlier, uint32_t corner)
+/* A third face at the edge that `there` is of: all its faces are refused. */
+static void refuse(const struct slab_edges *s, uint32_t f, unsigned k, uint32_t *there)
+{
+    if (*there == CROWDED)
+        return;
+    uint32_t partner = *there - s->face_first;
+    s->neighbours[3 * (size_t)partner + mate_of(s->mates, f, k)] = CROWDED;
+    *there = CROWDED;
+}
+
+/* Edges that are linked to nothing have mate 0. */
+static inline void link_or_refuse(const struct slab_edges *s, uint32_t earlier, uint32_t corner)
 {
     uint32_t f = earlier >> 2, g = corner >> 2;
     unsigned k = earlier & 3, m = corner & 3;
     uint32_t *there = &s->neighbours[3 * (size_t)f + k];
     uint32_t *here = &s->neighbours[3 * (size_t)g + m];
-    if (*there == NO_INDEX) {
-        *there = s->face_first + g;
-        *here = s->face_first + f;
-        mate_set(s->mates, f, k, m);
-        mate_set(s->mates, g, m, k);
+    if (*there != NO_INDEX) {
+        *here = CROWDED;
+        refuse(s, f, k, there);
         return;
     }
-    *here = CROWDED;
-    if (*there != CROWDED) {
-        uint32_t partner = *there - s->face_first;
-        s->neighbours[3 * (size_t)partner + mate_of(s->mates, f, k)] = CROWDED;
-        *there = CROWDED;
-    }
+    *there = s->face_first + g;
+    *here = s->face_first + f;
+    s->mates[f] = (uint8_t)(s->mates[f] | m << 2 * k);
+    s->mates[g] = (uint8_t)(s->mates[g] | k << 2 * m);
 }
 
 /* Files the edges of all faces under their lower vertex and matches each with the one filed before;
