@@ -103,6 +103,10 @@ static enum status inflate_whole(struct instream *stream)
     size_t size;
     enum status status = gunzip_whole(ctx, stream->name, stream->fd, stream->file_size, most, &made,
                                       &size, &stream->digest);
+    if (status == STATUS_NO_MEMORY) { /* less than the budget: then piece by piece */
+        failure_forget(ctx);
+        return STATUS_OK;
+    }
     if (status != STATUS_OK || !made)
         return status;
     memory_release(ctx, &stream->buffer, stream->capacity, 1);
