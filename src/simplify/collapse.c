@@ -508,6 +508,11 @@ enum status collapse_error(const struct collapse *c, double *error)
     return status;
 }
 
+double collapse_mean_error(const struct collapse *c)
+{
+    return c->reference.face_count > 0 ? reference_mean_error(c) / c->scale : 0;
+}
+
 bool collapse_exhausted(const struct collapse *c)
 {
     for (uint32_t v = 0; v < c->vertex_slots; v++)

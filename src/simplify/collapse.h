@@ -122,6 +122,9 @@ uint64_t collapse_faces(const struct collapse *collapse);
 int64_t collapse_euler(const struct collapse *collapse);
 /* Estimated largest distance so far. */
 enum status collapse_error(const struct collapse *collapse, double *error) MUST_CHECK;
+/* Mean distance of the present mesh to the reference, estimated at a thousand of its faces; 0 while
+ * there is no reference. */
+double collapse_mean_error(const struct collapse *collapse);
 bool collapse_exhausted(const struct collapse *collapse);
 
 /* The present mesh, vertices numbered by first use in face order, faces in their input's order.

@@ -286,6 +286,9 @@ bool reference_allows(const struct collapse *collapse, const struct edge_change 
 /* The largest distance between the surface and the reference, and of the witnesses from the
  * surface: in both directions, at some points. */
 enum status reference_error(const struct collapse *collapse, double *error) MUST_CHECK;
+/* The mean distance of the surface's faces, weighed by their areas, from the reference: at a
+ * thousand of them. */
+double reference_mean_error(const struct collapse *collapse);
 
 /* ---- collapse_sweep.c ---- */
 

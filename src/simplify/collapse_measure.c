@@ -25,7 +25,8 @@ static const double NOTED_LEAST = 0.3;
 enum {
     PIECES = 32,
     EDGE_PARTS_MAX = 8, /* of long edges, a power of two */
-    RUN = 32            /* faces of a box, and boxes of a larger one */
+    RUN = 32,           /* faces of a box, and boxes of a larger one */
+    MEAN_FACES = 1024   /* that the mean distance is of */
 };
 
 /* ---- all faces ---- */
@@ -365,4 +366,25 @@ enum status reference_error(const struct collapse *c, double *error)
     boxes_release(c->ctx, &measuring.boxes);
     *error = largest;
     return status;
+}
+
+double reference_mean_error(const struct collapse *c)
+{
+    const uint64_t step = c->face_slots / MEAN_FACES + 1;
+    double sum = 0, areas = 0;
+    for (uint64_t i = 0; i < c->face_slots; i += step) {
+        const struct collapse_corner *corners = c->corners + 3 * i;
+        if (corners[0].end == NO_INDEX)
+            continue;
+        struct vec3 at[3];
+        for (int k = 0; k < 3; k++)
+            at[k] = vec3_load_float(c->vertices[corners[k].end].position);
+        const double area = vec3_length(vec3_cross(vec3_sub(at[1], at[0]), vec3_sub(at[2], at[0])));
+        struct nearest nearest = {INFINITY, UINT32_MAX, {0, 0, 0}};
+        const struct vec3 middle = vec3_scale(vec3_add(vec3_add(at[0], at[1]), at[2]), 1. / 3);
+        bvh_nearest(&c->reference.tree, middle, &nearest);
+        sum += area * sqrt(nearest.distance_squared);
+        areas += area;
+    }
+    return areas > 0 ? sum / areas : 0;
 }

@@ -32,6 +32,9 @@ enum { LEFT_FROM = 3 };
 /* From the coarsest milestone to the next that is not the file's, and so on. */
 enum { BELOW = 8 };
 
+/* The largest distance of a level is about so many times the mean. */
+static const double MEAN_WEIGHT = 8;
+
 struct levels {
     struct context *ctx;
     const struct chain_info *info;
@@ -58,17 +61,37 @@ static uint64_t tried_from(uint64_t faces)
     return TRIED_FROM * faces > TRIED_FROM_LEAST ? TRIED_FROM * faces : TRIED_FROM_LEAST;
 }
 
-/* Which of two is the better level: one that keeps the bound, then fewer faces where only an error
- * is asked for, else the smaller error. */
-static bool is_better(const struct level *level, uint64_t faces, double error, uint64_t than_faces,
-                      double than_error)
+/* What one try of a level came to. */
+struct outcome {
+    uint64_t faces;
+    double largest, mean; /* distances */
+};
+
+/*
+ * Which of two is the better level: one that keeps the bound, then fewer faces where only an error
+ * is asked for, else the smaller distances: the largest, and the mean with a weight that makes both
+ * count alike. (Edges that wait for their errors may double the mean of a part where the largest
+ * distance is the same.)
+ */
+static bool is_better(const struct level *level, const struct outcome *a, const struct outcome *b)
 {
     const double bound = lod_error_bound(level);
-    if (error > bound || than_error > bound)
-        return error < than_error;
-    faces = faces > level->wanted_faces ? faces : level->wanted_faces;
-    than_faces = than_faces > level->wanted_faces ? than_faces : level->wanted_faces;
-    return faces != than_faces ? faces < than_faces : error < than_error;
+    if (a->largest > bound || b->largest > bound)
+        return a->largest < b->largest;
+    const uint64_t wanted = level->wanted_faces;
+    const uint64_t faces = a->faces > wanted ? a->faces : wanted;
+    const uint64_t others = b->faces > wanted ? b->faces : wanted;
+    return faces != others
+               ? faces < others
+               : a->largest + MEAN_WEIGHT * a->mean < b->largest + MEAN_WEIGHT * b->mean;
+}
+
+static enum status find_outcome(const struct collapse *collapse, bool is_compared,
+                                struct outcome *outcome)
+{
+    outcome->faces = collapse_faces(collapse);
+    outcome->mean = is_compared ? collapse_mean_error(collapse) : 0;
+    return collapse_error(collapse, &outcome->largest);
 }
 
 /*
@@ -86,12 +109,13 @@ static enum status run_to_level(const struct levels *levels, struct collapse **c
     const bool small = is_small(levels, least);
     const uint32_t tries = small ? TRIES[levels->effort] : 1;
     struct collapse *start = *collapse, *best = NULL;
+    struct outcome best_outcome = {0};
     enum status status = STATUS_OK;
     if (tries > 1 && collapse_faces(start) > begin && faces > 0)
         status = collapse_approach(start, begin, lod_error_bound(level));
     for (uint32_t i = 0; i < tries && status == STATUS_OK; i++) {
         struct collapse *next = NULL;
-        double error = INFINITY;
+        struct outcome outcome = {0};
         if (i + 1 < tries) {
             status = collapse_copy(start, &next); /* the last goes on as it did */
             if (status == STATUS_OK)
@@ -103,17 +127,17 @@ static enum status run_to_level(const struct levels *levels, struct collapse **c
         if (status == STATUS_OK)
             status = collapse_run(next, level->wanted_faces, lod_error_bound(level));
         if (status == STATUS_OK)
-            status = collapse_error(next, &error);
-        if (status == STATUS_OK && (!best || is_better(level, collapse_faces(next), error,
-                                                       collapse_faces(best), level->error))) {
+            status = find_outcome(next, tries > 1, &outcome);
+        if (status == STATUS_OK && (!best || is_better(level, &outcome, &best_outcome))) {
             struct collapse *worse = best;
             best = next;
             next = worse;
-            level->error = error;
+            best_outcome = outcome;
         }
         collapse_end(&next);
     }
     collapse_end(&start);
+    level->error = best_outcome.largest;
     *collapse = best;
     return status;
 }
