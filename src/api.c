@@ -256,7 +256,7 @@ spbm_status spbm_patchify(spbm_job *job, const char *store, const char *chains,
         status = stage_begin(job, STAGE_PATCHIFY, &size);
     if (status == STATUS_OK) {
         struct target wanted = make_target(target);
-        struct patch_request request = make_request(options, KEPT_LEVEL, options->sync != 0);
+        struct patch_request request = make_request(options, CHAIN_KEPT_LEVEL, options->sync != 0);
         status = chain_build(ctx, store, chains, &wanted, &request, &info);
     }
     if (status == STATUS_OK && figures)

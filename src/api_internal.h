@@ -60,10 +60,6 @@ enum status stage_begin(struct spbm_job *job, enum run_stage stage,
 
 /* ---- temporary files ---- */
 
-/* Compression of chain files that are kept: level 6 takes three times as long and makes them 4 %
- * smaller. Those of one run are not compressed. */
-enum { KEPT_LEVEL = 1 };
-
 /* What lod_build does not report: the figures that words about a level need. */
 enum status read_chain_info(struct context *ctx, const char *chains,
                             struct chain_info *info) MUST_CHECK;

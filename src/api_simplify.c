@@ -175,7 +175,7 @@ static enum status patchify_stage(struct run *run)
     const spbm_simplify_options *options = run->options;
     bool keeps = options->keep_dir != NULL, resumed = resume_chains(run);
     struct patch_request request =
-        make_request(&options->patch, keeps ? KEPT_LEVEL : 0,
+        make_request(&options->patch, keeps ? CHAIN_KEPT_LEVEL : 0,
                      is_resumable(run) || (keeps && options->patch.sync));
     request.is_own_store = run->work.store_fd >= 0;
     enum status status = STATUS_OK;

@@ -10,8 +10,8 @@
 #include "base/checksum.h"
 #include "base/external_sort.h"
 #include "base/memory.h"
-#include "simplify/chain_trunk.h"
 #include "simplify/chain_frame.h"
+#include "simplify/chain_trunk.h"
 
 enum { CHECK_SORT_LIMIT = 8 << 20 };
 

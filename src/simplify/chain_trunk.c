@@ -194,7 +194,7 @@ static size_t vertex_bytes(uint32_t stride)
 
 /* *packed is NULL where there is nothing to be written. */
 static enum status pack_trunk(struct context *ctx, const struct trunk *trunk, uint32_t stride,
-                              int level, unsigned char **packed, size_t *size)
+                              unsigned char **packed, size_t *size)
 {
     const struct collapse_state *state = &trunk->state;
     const size_t vertices = (size_t)state->vertex_count * vertex_bytes(stride);
@@ -210,7 +210,7 @@ static enum status pack_trunk(struct context *ctx, const struct trunk *trunk, ui
     put_header(trunk, raw);
     put_vertices(state, stride, raw + HEADER);
     put_faces(state, &sink);
-    status = block_pack(ctx, raw, (size_t)(sink.at - raw), level, packed, size);
+    status = block_pack(ctx, raw, (size_t)(sink.at - raw), CHAIN_KEPT_LEVEL, packed, size);
     memory_release(ctx, &raw, capacity, 1);
     return status;
 }
@@ -256,12 +256,12 @@ static enum status write_again(struct context *ctx, struct section_reader *reade
 }
 
 enum status chain_trunk_add(struct context *ctx, const char *path, const struct trunk *trunk,
-                            uint32_t stride, int level, bool sync)
+                            uint32_t stride, bool sync)
 {
     struct section_reader reader;
     unsigned char *packed;
     size_t size = 0;
-    enum status status = pack_trunk(ctx, trunk, stride, level, &packed, &size);
+    enum status status = pack_trunk(ctx, trunk, stride, &packed, &size);
     if (status != STATUS_OK || !packed)
         return status;
     status = section_file_open(ctx, path, CHAIN_MAGIC, CHAIN_VERSION, "a chain file", &reader);
@@ -330,6 +330,19 @@ enum status chain_trunk_read(struct chain_file *file, struct trunk *trunk)
     return status;
 }
 
+enum status chain_trunk_resume(struct context *ctx, const struct chain_info *info,
+                               const struct collapse_options *options, struct trunk *trunk,
+                               struct collapse **out)
+{
+    enum status status = collapse_resume(ctx, options, &trunk->state, &info->attributes, out);
+    if (status == STATUS_OK && collapse_euler(*out) != info->topology.euler)
+        status = fail(ctx, STATUS_BAD_INPUT,
+                      "%s: section TRNK: it has another topology than the file", options->source);
+    if (status != STATUS_OK)
+        collapse_end(out);
+    return status;
+}
+
 enum status chain_trunk_check(struct context *ctx, struct chain_file *file)
 {
     const struct chain_info *info = chain_file_info(file);
@@ -337,13 +350,8 @@ enum status chain_trunk_check(struct context *ctx, struct chain_file *file)
     struct collapse *collapse = NULL;
     struct trunk trunk;
     enum status status = chain_trunk_read(file, &trunk);
-    if (status == STATUS_OK && trunk.finest > 0) {
-        status = collapse_resume(ctx, &options, &trunk.state, &info->attributes, &collapse);
-        if (status == STATUS_OK && collapse_euler(collapse) != info->topology.euler)
-            status = fail(ctx, STATUS_BAD_INPUT,
-                          "%s: section TRNK: it has another topology than the file",
-                          chain_file_name(file));
-    }
+    if (status == STATUS_OK && trunk.finest > 0)
+        status = chain_trunk_resume(ctx, info, &options, &trunk, &collapse);
     collapse_end(&collapse);
     chain_trunk_clear(ctx, info->attributes.stride, &trunk);
     return status;

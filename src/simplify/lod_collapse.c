@@ -90,12 +90,6 @@ static void choose_fineness(struct lod *lod)
         lod->tolerance = lod->info->tolerance;
 }
 
-/* Where the tables by effort are looked into. */
-static uint32_t effort_of(const struct lod *lod)
-{
-    return lod->collapse.effort < 3 ? lod->collapse.effort : 3;
-}
-
 /* ---- one node of the tree ---- */
 
 /* Collapses a node that is not the root to what the finest level may need of it. */
@@ -108,7 +102,7 @@ static enum status thin_node(struct lod *lod, uint32_t node)
     uint32_t *sources = NULL, *places = NULL;
     const size_t vertices = (size_t)mesh->triangles.vertex_count;
     const double part = (double)lod->weights[node] / (double)(lod->info->patches + 1);
-    const uint32_t effort = effort_of(lod);
+    const uint32_t effort = lod->collapse.effort;
     double wanted = lod->finest_faces ? SLACK[effort] * part * (double)lod->finest_faces : 0;
     const double enough = lod->span > 1 ? NEARLY[effort] * wanted : wanted;
     if ((double)mesh->triangles.face_count <= enough || lod->node_count == 1)
@@ -294,7 +288,7 @@ static enum status find_trunk(struct lod *lod, struct trunk *trunk)
     if (lod->milestones.count == 0)
         return STATUS_OK;
     enum status status = chain_trunk_read(lod->file, trunk);
-    if (trunk->subset != lod->collapse.subset || trunk->effort != effort_of(lod) ||
+    if (trunk->subset != lod->collapse.subset || trunk->effort != lod->collapse.effort ||
         trunk->finest != lod->milestones.faces[0])
         chain_trunk_clear(lod->ctx, lod->stride, trunk);
     lod->report->small_faces = trunk->small_faces;
@@ -316,13 +310,14 @@ enum status lod_collapse(struct context *ctx, struct chain_file *file,
                          const struct lod_options *options, struct lod_report *report)
 {
     const struct chain_info *info = chain_file_info(file);
+    const uint32_t effort = options->target.effort;
     struct lod lod = {.ctx = ctx,
                       .file = file,
                       .info = info,
                       .options = options,
                       .report = report,
                       .collapse = {.subset = options->place == PLACE_SUBSET,
-                                   .effort = options->target.effort,
+                                   .effort = effort < 3 ? effort : 3,
                                    .source = chain_file_name(file)},
                       .stride = info->attributes.stride};
     const size_t slabs = info->slab_count;

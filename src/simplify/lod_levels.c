@@ -180,9 +180,6 @@ static void set_next_goal(struct levels *levels)
                                       : 1;
 }
 
-/* Level of compression of a chain file that is kept. */
-enum { KEPT_LEVEL = 1 };
-
 /*
  * Takes the trunk to the place where what goes to the finest count begins to be measured, or tried
  * several times. From there on it is little work, so that its state is one to be kept. (Where it is
@@ -211,7 +208,7 @@ static enum status go_to_state(struct levels *levels, const struct lod_root *roo
         kept->subset = options->subset;
         kept->effort = levels->effort;
         kept->finest = goal;
-        status = chain_trunk_add(ctx, root->chains, kept, attributes->stride, KEPT_LEVEL,
+        status = chain_trunk_add(ctx, root->chains, kept, attributes->stride,
                                  levels->options->syncs_trunk);
     }
     if (status == STATUS_OK)
@@ -226,17 +223,10 @@ static enum status begin_trunk(struct levels *levels, const struct lod_root *roo
     struct collapse_options options = root->collapse;
     options.together = true;
     options.measured = true;
-    enum status status;
-    if (root->trunk->finest > 0) {
-        status =
-            collapse_resume(levels->ctx, &options, &root->trunk->state, attributes, &levels->trunk);
-        if (status == STATUS_OK && collapse_euler(levels->trunk) != levels->info->topology.euler)
-            status = fail(levels->ctx, STATUS_BAD_INPUT,
-                          "%s: is damaged: section TRNK has another topology than the file",
-                          options.source);
-        return status;
-    }
-    status = collapse_begin_giving(levels->ctx, &options, root->mesh, attributes, &levels->trunk);
+    if (root->trunk->finest > 0)
+        return chain_trunk_resume(levels->ctx, levels->info, &options, root->trunk, &levels->trunk);
+    enum status status =
+        collapse_begin_giving(levels->ctx, &options, root->mesh, attributes, &levels->trunk);
     if (status == STATUS_OK && levels->report->levels[0].wanted_faces > 0)
         status = go_to_state(levels, root, &options);
     return status;
@@ -315,14 +305,13 @@ enum status lod_levels_make(struct context *ctx, const struct chain_info *info,
                             const struct lod_options *options, const struct lod_root *root,
                             struct lod_report *report)
 {
-    const uint32_t effort = root->collapse.effort;
     struct levels levels = {.ctx = ctx,
                             .info = info,
                             .options = options,
                             .milestones = root->milestones,
                             .report = report,
                             .lost = root->trunk->lost,
-                            .effort = effort < 3 ? effort : 3,
+                            .effort = root->collapse.effort,
                             .goal = root->milestones->faces[0]};
     enum status status = begin_trunk(&levels, root);
     for (uint32_t i = 0; i < report->level_count && status == STATUS_OK; i++) {

@@ -12,7 +12,7 @@ struct lod_root {
     struct collapse_mesh *mesh; /* is given away; not looked at where the trunk has a state */
     struct trunk *trunk;        /* `lost` and `small_faces` are known; its state is given away */
     const char *chains;         /* where the trunk is to be kept; NULL: nowhere */
-    struct collapse_options collapse;
+    struct collapse_options collapse; /* effort is at most 3 */
     const struct milestones *milestones;
 };
 

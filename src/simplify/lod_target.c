@@ -29,6 +29,12 @@ static uint64_t ratio_faces(const struct chain_info *info, double ratio)
     return faces > 0 ? faces : 1;
 }
 
+/* What a value of that kind, faces or a ratio, comes to; it must be in range. */
+static uint64_t count_of(enum target_kind kind, const struct chain_info *info, double value)
+{
+    return kind == TARGET_RATIO ? ratio_faces(info, value) : (uint64_t)value;
+}
+
 /* What one value of the target wants. */
 static enum status read_value(struct context *ctx, const struct target *target,
                               const struct chain_info *info, double value, struct level *level)
@@ -104,7 +110,7 @@ static uint64_t made_for(const struct chain_info *info, double value)
         return 1;
     if (!(wanted < faces))
         return info->topology.faces;
-    return info->target_kind == TARGET_RATIO ? ratio_faces(info, value) : (uint64_t)value;
+    return count_of(info->target_kind, info, value);
 }
 
 void lod_target_milestones(const struct target *target, const struct chain_info *info,
@@ -123,8 +129,7 @@ void lod_target_milestones(const struct target *target, const struct chain_info 
         const double value = target->values[i];
         if (!(value > 0 && value < 0x1p63))
             continue; /* is refused elsewhere */
-        const uint64_t faces =
-            target->kind == TARGET_RATIO ? ratio_faces(info, value) : (uint64_t)value;
+        const uint64_t faces = count_of(target->kind, info, value);
         finest = faces > finest ? faces : finest;
     }
     if (finest > milestones->faces[0])

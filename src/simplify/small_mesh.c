@@ -22,148 +22,16 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "geom/distance.h"
 #include "simplify/chain_loops.h"
-#include "simplify/chain_simplify.h"
-#include "simplify/small_bulge.h"
+#include "simplify/small_internal.h"
 
 enum { OWNER_TAKEN = UINT32_MAX }; /* else the patch for which an edge is reserved */
 
 #define BORDER UINT64_MAX /* instead of a patch */
 
-struct edge_entry {
-    uint32_t high; /* the other vertex */
-    uint32_t next; /* entry at the same lower vertex; NO_INDEX: the last */
-    uint32_t owner;
-    uint32_t chain; /* that it is a segment of; NO_INDEX: a diagonal */
-};
-
-struct builder {
-    struct context *ctx;
-    struct small_workspace *space;
-    const struct chain_block *block;
-    double tolerance, given_back;
-    bool is_cut;
-    double lost;          /* largest error of what was left out within it */
-    uint32_t chain_total; /* chains, then seam chains */
-    uint32_t use_count;
-    uint32_t *use_first;  /* a patch, and one more */
-    uint32_t *face_first; /* likewise, of the faces that it was cut into */
-    uint32_t *uses;       /* chain << 1 | walked from its end */
-    unsigned char *keep;  /* a vertex: it is in the mesh */
-    unsigned char *full;  /* a chain: 1 when all its vertices were given back */
-    float *dropped;       /* a chain: the largest error of what is not kept of it */
-    uint32_t *heads;      /* a vertex: its first entry */
-    size_t heads_count;
-    struct edge_entry *entries;
-    uint32_t entry_count, entry_capacity;
-    float *line; /* one chain's positions */
-    float *line_errors;
-    uint32_t line_capacity;
-    uint32_t *loop; /* one patch's kept vertices */
-    uint32_t loop_count;
-    double *points;
-    uint32_t *triangles;
-    uint32_t loop_capacity;
-    uint32_t patch;   /* the one that is being cut */
-    uint32_t *copies; /* block vertices of which there is another one, numbered from vertex_count */
-    uint32_t copy_count, copy_capacity;
-    uint32_t *faces;      /* block vertices */
-    float *errors;        /* a block vertex: the largest deviation of the patches at it, and */
-    uint32_t *witnesses;  /* the inner vertex of that patch; NO_INDEX: none */
-    struct bulge *bulges; /* a block vertex; NULL: nothing is given back */
-    uint32_t face_count, face_capacity;
-};
-
-/* ---- chains, seam or not, in one numbering ---- */
-
-static bool is_seam(const struct builder *b, uint32_t chain)
-{
-    return chain >= b->block->chain_count;
-}
-
-static uint32_t chain_length(const struct builder *b, uint32_t chain)
-{
-    return is_seam(b, chain) ? b->block->seam_chains[chain - b->block->chain_count].vertex_count
-                             : b->block->chains[chain].interior_count + 2;
-}
-
-static uint32_t chain_vertex(const struct builder *b, uint32_t chain, uint32_t i)
-{
-    if (is_seam(b, chain)) {
-        const struct seam_chain *seam = &b->block->seam_chains[chain - b->block->chain_count];
-        return b->block->seam_lists[seam->vertex_first + i];
-    }
-    const struct chain *c = &b->block->chains[chain];
-    return i == 0 ? c->start : i <= c->interior_count ? c->interior_first + i - 1 : c->end;
-}
-
-static bool on_seam(const struct builder *b, uint32_t v)
-{
-    return v >= b->block->junction_count &&
-           v < b->block->junction_count + b->block->seam_vertex_count;
-}
-
-/* ---- which chain vertices are kept ---- */
-
-/* Of the tolerance, for borders: they are few, and what they lose no collapse can give back. */
-static const double BORDER_PART = 0.0625;
-
-static struct chain_metric metric_of(const struct builder *b, uint32_t chain)
-{
-    if (is_seam(b, chain) || b->block->chains[chain].right == NO_PATCH)
-        return chain_metric_plain();
-    const struct chain *c = &b->block->chains[chain];
-    return chain_metric_between(vec3_load_float(b->block->patches[c->left].normal),
-                                vec3_load_float(b->block->patches[c->right].normal));
-}
-
-static void cut_chain(struct builder *b, uint32_t chain)
-{
-    const uint32_t length = chain_length(b, chain);
-    const uint32_t start = chain_vertex(b, chain, 0), end = chain_vertex(b, chain, length - 1);
-    b->keep[start] = b->keep[end] = 1;
-    if (length == 2)
-        return;
-    for (uint32_t i = 0; i < length; i++)
-        memcpy(b->line + 3 * (size_t)i, b->block->positions + 3 * (size_t)chain_vertex(b, chain, i),
-               3 * sizeof(float));
-    const struct chain_metric metric = metric_of(b, chain);
-    const bool is_border = !is_seam(b, chain) && b->block->chains[chain].right == NO_PATCH;
-    const double tolerance = b->tolerance * (is_border ? BORDER_PART : 1);
-    chain_errors(b->line, length, HALVING_TOP_DOWN, &metric, b->line_errors);
-    uint32_t kept = 0, worst = length / 2;
-    for (uint32_t i = 1; i + 1 < length; i++) {
-        if ((double)b->line_errors[i] > tolerance) {
-            b->keep[chain_vertex(b, chain, i)] = 1;
-            kept++;
-        } else {
-            b->dropped[chain] = fmaxf(b->dropped[chain], b->line_errors[i]);
-        }
-        if (b->line_errors[i] > b->line_errors[worst])
-            worst = i;
-    }
-    if (kept == 0 && (is_seam(b, chain) || (on_seam(b, start) && on_seam(b, end)))) {
-        /* rule 1; the vertex must not depend on the direction: the lower store number wins ties */
-        for (uint32_t i = 1; is_seam(b, chain) && i + 1 < length; i++)
-            if (b->line_errors[i] >= b->line_errors[worst] &&
-                chain_vertex(b, chain, i) < chain_vertex(b, chain, worst))
-                worst = i;
-        b->keep[chain_vertex(b, chain, worst)] = 1;
-    }
-}
-
-static void give_back(struct builder *b, uint32_t chain)
-{
-    for (uint32_t i = 0; i < chain_length(b, chain); i++)
-        b->keep[chain_vertex(b, chain, i)] = 1;
-    b->full[chain] = 1;
-    b->dropped[chain] = 0;
-}
-
 /* ---- the table of edges ---- */
 
-static struct edge_entry *find_edge(const struct builder *b, uint32_t u, uint32_t v)
+static struct edge_entry *find_edge(const struct small_builder *b, uint32_t u, uint32_t v)
 {
     const uint32_t low = u < v ? u : v, high = u < v ? v : u;
     for (uint32_t i = b->heads[low]; i != NO_INDEX; i = b->entries[i].next)
@@ -172,7 +40,7 @@ static struct edge_entry *find_edge(const struct builder *b, uint32_t u, uint32_
     return NULL;
 }
 
-static enum status add_edge(struct builder *b, uint32_t u, uint32_t v, uint32_t owner,
+static enum status add_edge(struct small_builder *b, uint32_t u, uint32_t v, uint32_t owner,
                             uint32_t chain)
 {
     if (b->entry_count == b->entry_capacity) {
@@ -189,7 +57,7 @@ static enum status add_edge(struct builder *b, uint32_t u, uint32_t v, uint32_t 
     return STATUS_OK;
 }
 
-static enum status reserve_diagonals(struct builder *b)
+static enum status reserve_diagonals(struct small_builder *b)
 {
     b->entry_count = 0;
     memset(b->heads, 0xff, b->block->vertex_count * sizeof *b->heads);
@@ -207,33 +75,33 @@ static enum status reserve_diagonals(struct builder *b)
 
 /* A segment of `chain` that is there already as `entry`: the chains involved get their vertices
  * back and *clash is set. Seam chains stay as they are, as the other block has them so. */
-static enum status resolve_clash(struct builder *b, uint32_t chain, struct edge_entry *entry,
+static enum status resolve_clash(struct small_builder *b, uint32_t chain, struct edge_entry *entry,
                                  bool *clash)
 {
-    if (entry->chain == NO_INDEX && is_seam(b, chain)) {
+    if (entry->chain == NO_INDEX && small_is_seam(b, chain)) {
         entry->owner = OWNER_TAKEN; /* a patch's own diagonal: that patch must do without */
         return STATUS_OK;
     }
-    const bool fixed = is_seam(b, chain) || b->full[chain];
+    const bool fixed = small_is_seam(b, chain) || b->full[chain];
     const bool other_fixed =
-        entry->chain == NO_INDEX || is_seam(b, entry->chain) || b->full[entry->chain];
+        entry->chain == NO_INDEX || small_is_seam(b, entry->chain) || b->full[entry->chain];
     if (fixed && other_fixed)
         return fail(b->ctx, STATUS_BAD_INPUT, "slab %u: two chains have an edge in common",
                     b->block->slab);
     if (!other_fixed)
-        give_back(b, entry->chain);
+        small_chain_give_back(b, entry->chain);
     if (!fixed)
-        give_back(b, chain);
+        small_chain_give_back(b, chain);
     *clash = true;
     return STATUS_OK;
 }
 
-static enum status enter_chain(struct builder *b, uint32_t chain, bool *clash)
+static enum status enter_chain(struct small_builder *b, uint32_t chain, bool *clash)
 {
-    const uint32_t length = chain_length(b, chain);
-    uint32_t from = chain_vertex(b, chain, 0);
+    const uint32_t length = small_chain_length(b, chain);
+    uint32_t from = small_chain_vertex(b, chain, 0);
     for (uint32_t i = 1; i < length; i++) {
-        const uint32_t to = chain_vertex(b, chain, i);
+        const uint32_t to = small_chain_vertex(b, chain, i);
         if (!b->keep[to])
             continue;
         struct edge_entry *entry = find_edge(b, from, to);
@@ -246,10 +114,10 @@ static enum status enter_chain(struct builder *b, uint32_t chain, bool *clash)
     return STATUS_OK;
 }
 
-static enum status cut_chains(struct builder *b)
+static enum status cut_chains(struct small_builder *b)
 {
     for (uint32_t chain = 0; chain < b->chain_total; chain++)
-        cut_chain(b, chain);
+        small_chain_cut(b, chain);
     for (bool clash = true; clash;) {
         clash = false;
         enum status status = reserve_diagonals(b);
@@ -264,12 +132,12 @@ static enum status cut_chains(struct builder *b)
 /* ---- patches ---- */
 
 /* Slab and patch on the other side of a use. */
-static uint64_t patch_beyond(const struct builder *b, uint32_t use)
+static uint64_t patch_beyond(const struct small_builder *b, uint32_t use)
 {
     const uint32_t chain = use >> 1;
     uint64_t slab = b->block->slab;
     uint32_t patch;
-    if (is_seam(b, chain)) {
+    if (small_is_seam(b, chain)) {
         slab = b->block->seam_chains[chain - b->block->chain_count].other_slab;
         patch = b->block->seam_chains[chain - b->block->chain_count].right;
     } else {
@@ -281,29 +149,30 @@ static uint64_t patch_beyond(const struct builder *b, uint32_t use)
 /* The patch's kept vertices in order (its uses are searched for each next one: a patch has at most
  * PATCH_FACES_MAX faces and commonly six chains); *alone: the same patch
  * lies beyond all its chains. */
-static enum status gather_loop(struct builder *b, uint32_t patch, uint32_t *count, bool *alone)
+static enum status gather_loop(struct small_builder *b, uint32_t patch, uint32_t *count,
+                               bool *alone)
 {
     const uint32_t first = b->use_first[patch], end = b->use_first[patch + 1];
     uint32_t use = b->uses[first], n = 0;
     uint64_t beyond = BORDER;
     *alone = true;
     for (uint32_t done = first; done < end; done++) {
-        const uint32_t chain = use >> 1, length = chain_length(b, chain);
+        const uint32_t chain = use >> 1, length = small_chain_length(b, chain);
         const uint64_t other = patch_beyond(b, use);
         if (other == BORDER || (done > first && other != beyond))
             *alone = false;
         beyond = other;
         for (uint32_t i = 0; i + 1 < length; i++) {
-            const uint32_t v = chain_vertex(b, chain, use & 1 ? length - 1 - i : i);
+            const uint32_t v = small_chain_vertex(b, chain, use & 1 ? length - 1 - i : i);
             if (b->keep[v] && n < b->loop_capacity)
                 b->loop[n++] = v;
         }
-        const uint32_t last = chain_vertex(b, chain, use & 1 ? 0 : length - 1);
+        const uint32_t last = small_chain_vertex(b, chain, use & 1 ? 0 : length - 1);
         uint32_t next = first;
         while (next < end) {
             const uint32_t candidate = b->uses[next] >> 1;
-            const uint32_t start =
-                chain_vertex(b, candidate, b->uses[next] & 1 ? chain_length(b, candidate) - 1 : 0);
+            const uint32_t start = small_chain_vertex(
+                b, candidate, b->uses[next] & 1 ? small_chain_length(b, candidate) - 1 : 0);
             if (start == last)
                 break;
             next++;
@@ -319,15 +188,15 @@ static enum status gather_loop(struct builder *b, uint32_t patch, uint32_t *coun
 
 static bool diagonal_allowed(void *user, uint32_t i, uint32_t j)
 {
-    const struct builder *b = user;
+    const struct small_builder *b = user;
     const uint32_t u = b->loop[i], v = b->loop[j];
     const struct edge_entry *entry = find_edge(b, u, v);
     if (entry)
         return entry->owner == b->patch;
-    return !on_seam(b, u) || !on_seam(b, v);
+    return !small_on_seam(b, u) || !small_on_seam(b, v);
 }
 
-static enum status add_face(struct builder *b, uint32_t u, uint32_t v, uint32_t w)
+static enum status add_face(struct small_builder *b, uint32_t u, uint32_t v, uint32_t w)
 {
     if (b->face_count == b->face_capacity) {
         size_t capacity = b->face_capacity;
@@ -345,7 +214,7 @@ static enum status add_face(struct builder *b, uint32_t u, uint32_t v, uint32_t 
 }
 
 /* A side of the loop or a diagonal? Diagonals are entered, once. */
-static enum status take_side(struct builder *b, uint32_t n, uint32_t i, uint32_t j)
+static enum status take_side(struct small_builder *b, uint32_t n, uint32_t i, uint32_t j)
 {
     if (i > j || j - i == 1 || (i == 0 && j == n - 1))
         return STATUS_OK; /* each diagonal is met in both directions: enter it going up */
@@ -357,7 +226,7 @@ static enum status take_side(struct builder *b, uint32_t n, uint32_t i, uint32_t
     return add_edge(b, b->loop[i], b->loop[j], OWNER_TAKEN, NO_INDEX);
 }
 
-static enum status take_triangles(struct builder *b, uint32_t n, const uint32_t *triangles)
+static enum status take_triangles(struct small_builder *b, uint32_t n, const uint32_t *triangles)
 {
     enum status status = STATUS_OK;
     for (uint32_t t = 0; t + 2 < n && status == STATUS_OK; t++) {
@@ -372,21 +241,21 @@ static enum status take_triangles(struct builder *b, uint32_t n, const uint32_t 
 
 /* A vertex that only this patch may use: inside it, or dropped from one of its own chains. Dropped
  * seam vertices are not to be had: the other block could take them too. */
-static uint32_t find_spare(const struct builder *b, uint32_t patch)
+static uint32_t find_spare(const struct small_builder *b, uint32_t patch)
 {
     const struct patch *record = &b->block->patches[patch];
     if (record->interior_count > 0)
         return record->interior_first + record->interior_count / 2;
     for (uint32_t i = b->use_first[patch]; i < b->use_first[patch + 1]; i++) {
         const uint32_t chain = b->uses[i] >> 1;
-        for (uint32_t k = 0; !is_seam(b, chain) && k < chain_length(b, chain); k++)
-            if (!b->keep[chain_vertex(b, chain, k)])
-                return chain_vertex(b, chain, k);
+        for (uint32_t k = 0; !small_is_seam(b, chain) && k < small_chain_length(b, chain); k++)
+            if (!b->keep[small_chain_vertex(b, chain, k)])
+                return small_chain_vertex(b, chain, k);
     }
     return NO_INDEX;
 }
 
-static enum status add_copy(struct builder *b, uint32_t patch, uint32_t *copy)
+static enum status add_copy(struct small_builder *b, uint32_t patch, uint32_t *copy)
 {
     size_t capacity = b->copy_capacity;
     enum status status =
@@ -396,15 +265,15 @@ static enum status add_copy(struct builder *b, uint32_t patch, uint32_t *copy)
     b->copy_capacity = (uint32_t)capacity;
     uint32_t source = b->loop[0];
     for (uint32_t i = b->use_first[patch]; i < b->use_first[patch + 1]; i++)
-        for (uint32_t k = 0; k < chain_length(b, b->uses[i] >> 1); k++)
-            if (!b->keep[chain_vertex(b, b->uses[i] >> 1, k)])
-                source = chain_vertex(b, b->uses[i] >> 1, k);
+        for (uint32_t k = 0; k < small_chain_length(b, b->uses[i] >> 1); k++)
+            if (!b->keep[small_chain_vertex(b, b->uses[i] >> 1, k)])
+                source = small_chain_vertex(b, b->uses[i] >> 1, k);
     *copy = b->block->vertex_count + b->copy_count;
     b->copies[b->copy_count++] = source;
     return STATUS_OK;
 }
 
-static enum status cut_fan(struct builder *b, uint32_t n, uint32_t centre)
+static enum status cut_fan(struct small_builder *b, uint32_t n, uint32_t centre)
 {
     if (centre < b->block->vertex_count)
         b->keep[centre] = 1;
@@ -416,124 +285,12 @@ static enum status cut_fan(struct builder *b, uint32_t n, uint32_t centre)
 
 static bool own_diagonal_allowed(void *user, uint32_t i, uint32_t j)
 {
-    const struct builder *b = user;
+    const struct small_builder *b = user;
     const struct edge_entry *entry = find_edge(b, b->loop[i], b->loop[j]);
     return entry && entry->owner == b->patch;
 }
 
-/* The nearest of the faces from `first` on to a place; NULL: there are none. *foot is on it. */
-static const uint32_t *nearest_face(const struct builder *b, uint32_t first, struct vec3 place,
-                                    double *square, struct vec3 *foot)
-{
-    const float *positions = b->block->positions;
-    const uint32_t *nearest = NULL;
-    *square = INFINITY;
-    for (uint32_t f = first; f < b->face_count; f++) {
-        const uint32_t *face = b->faces + 3 * (size_t)f;
-        const struct triangle triangle = {vec3_load_float(positions + 3 * (size_t)face[0]),
-                                          vec3_load_float(positions + 3 * (size_t)face[1]),
-                                          vec3_load_float(positions + 3 * (size_t)face[2])};
-        struct vec3 there;
-        const double there_square = triangle_distance_squared(place, &triangle, &there);
-        if (there_square < *square) {
-            *square = there_square;
-            *foot = there;
-            nearest = face;
-        }
-    }
-    return nearest;
-}
-
-/* The patch's farthest inner vertex: when it matters, it becomes a witness at the nearest of the
- * faces from `first` on, which are the patch's; else it counts as lost. Returns its height. */
-static double note_witness(struct builder *b, const struct patch *patch, uint32_t first)
-{
-    if (patch->interior_count == 0 || b->keep[patch->interior_first])
-        return 0;
-    const bool matters = (double)patch->deviation > b->tolerance;
-    if (!matters && (double)patch->deviation <= b->lost && !b->bulges)
-        return 0;
-    const struct vec3 witness =
-        vec3_load_float(b->block->positions + 3 * (size_t)patch->interior_first);
-    struct vec3 foot;
-    double square;
-    const uint32_t *nearest = nearest_face(b, first, witness, &square, &foot);
-    if (!nearest)
-        return 0;
-    if (!matters)
-        b->lost = fmax(b->lost, fmin(sqrt(square), (double)patch->deviation));
-    for (int k = 0; matters && k < 3; k++)
-        if (patch->deviation > b->errors[nearest[k]]) {
-            b->errors[nearest[k]] = patch->deviation;
-            b->witnesses[nearest[k]] = patch->interior_first;
-        }
-    /* it may lie beside the faces: what is along them is no height */
-    return vec3_dot(vec3_load_float(patch->normal), vec3_sub(witness, foot));
-}
-
-/* What stays where it is: vertices of the border, where patches lie on one side alone, and of
- * seams, which the other block has, too. */
-static void hold_rims(struct builder *b)
-{
-    for (uint32_t i = 0; i < b->block->seam_vertex_count; i++)
-        bulge_hold(b->bulges, b->block->junction_count + i);
-    for (uint32_t chain = 0; chain < b->block->chain_count; chain++)
-        for (uint32_t i = 0;
-             b->block->chains[chain].right == NO_PATCH && i < chain_length(b, chain); i++)
-            bulge_hold(b->bulges, chain_vertex(b, chain, i));
-}
-
-static struct vec3 place_of(const struct builder *b, uint32_t v)
-{
-    const uint32_t count = b->block->vertex_count;
-    return vec3_load_float(b->block->positions +
-                           3 * (size_t)(v < count ? v : b->copies[v - count]));
-}
-
-/* The least of `square` and the squared distances of a vertex from the faces of a patch. */
-static double nearest_of_patch(const struct builder *b, uint32_t patch, uint32_t v, double square)
-{
-    for (uint32_t f = b->face_first[patch]; f < b->face_first[patch + 1]; f++) {
-        const uint32_t *face = b->faces + 3 * (size_t)f;
-        const struct triangle triangle = {place_of(b, face[0]), place_of(b, face[1]),
-                                          place_of(b, face[2])};
-        square = fmin(square, triangle_distance_squared(place_of(b, v), &triangle, NULL));
-    }
-    return square;
-}
-
-/* What chains have lost. Chains in planes and nearly so are cut by how they look, which is more
- * than the surface has lost: on parts hundreds of times more. So where it matters the dropped
- * vertices are measured, against the faces on both sides. (All their errors are at most the
- * chain's; of a seam chain only one side is here.) */
-static void measure_chains(struct builder *b)
-{
-    for (uint32_t chain = 0; chain < b->chain_total; chain++) {
-        const double dropped = (double)b->dropped[chain];
-        double square = 0;
-        b->is_cut |= dropped > 0;
-        if (!(dropped > b->lost))
-            continue;
-        const bool seam = is_seam(b, chain);
-        for (uint32_t i = 1; i + 1 < chain_length(b, chain) && square < dropped * dropped; i++) {
-            const uint32_t v = chain_vertex(b, chain, i);
-            if (b->keep[v])
-                continue;
-            double nearest = INFINITY;
-            if (seam)
-                nearest = nearest_of_patch(
-                    b, b->block->seam_chains[chain - b->block->chain_count].left, v, nearest);
-            else
-                nearest = nearest_of_patch(b, b->block->chains[chain].left, v, nearest);
-            if (!seam && b->block->chains[chain].right != NO_PATCH)
-                nearest = nearest_of_patch(b, b->block->chains[chain].right, v, nearest);
-            square = fmax(square, nearest);
-        }
-        b->lost = fmax(b->lost, fmin(sqrt(square), dropped));
-    }
-}
-
-static enum status cut_patch(struct builder *b, uint32_t patch)
+static enum status cut_patch(struct small_builder *b, uint32_t patch)
 {
     uint32_t n = 0;
     bool alone;
@@ -577,7 +334,7 @@ static enum status cut_patch(struct builder *b, uint32_t patch)
 /* ---- the result ---- */
 
 /* Gives vertices their numbers by first use and copies what belongs to them. */
-static enum status finish(struct builder *b, uint32_t stride, struct small_mesh *mesh)
+static enum status finish(struct small_builder *b, uint32_t stride, struct small_mesh *mesh)
 {
     const struct chain_block *block = b->block;
     const uint32_t total = block->vertex_count + b->copy_count;
@@ -592,7 +349,7 @@ static enum status finish(struct builder *b, uint32_t stride, struct small_mesh 
         uint32_t *number = &numbers[b->faces[i]];
         if (*number == NO_INDEX) {
             *number = count++;
-            seams += on_seam(b, b->faces[i]);
+            seams += small_on_seam(b, b->faces[i]);
         }
     }
     struct collapse_mesh *to = &mesh->triangles;
@@ -625,7 +382,7 @@ static enum status finish(struct builder *b, uint32_t stride, struct small_mesh 
         memcpy(to->witnesses + 3 * number, block->positions + 3 * witness, 3 * sizeof(float));
         if (stride > 0)
             memcpy(to->records + number * stride, block->records + (size_t)v * stride, stride);
-        if (on_seam(b, i))
+        if (small_on_seam(b, i))
             mesh->seams[seams++] =
                 (struct seam_tag){block->seam_vertices[v - block->junction_count], (uint32_t)number,
                                   block->slab, block->slab};
@@ -634,7 +391,7 @@ static enum status finish(struct builder *b, uint32_t stride, struct small_mesh 
 }
 
 /* Widens the tags by the slabs beyond each seam chain. */
-static void tag_seams(const struct builder *b, struct small_mesh *mesh)
+static void tag_seams(const struct small_builder *b, struct small_mesh *mesh)
 {
     uint32_t *tags = b->loop; /* by seam vertex */
     const uint32_t first = b->block->junction_count;
@@ -660,30 +417,31 @@ static void tag_seams(const struct builder *b, struct small_mesh *mesh)
 
 /* ---- memory ---- */
 
-static void measure_block(struct builder *b)
+static void measure_block(struct small_builder *b)
 {
     uint32_t longest = 2;
     b->use_count = 0;
     for (uint32_t chain = 0; chain < b->chain_total; chain++) {
-        const uint32_t length = chain_length(b, chain);
+        const uint32_t length = small_chain_length(b, chain);
         longest = length > longest ? length : longest;
-        b->use_count += !is_seam(b, chain) && b->block->chains[chain].right != NO_PATCH ? 2 : 1;
+        b->use_count +=
+            !small_is_seam(b, chain) && b->block->chains[chain].right != NO_PATCH ? 2 : 1;
     }
     b->line_capacity = longest;
     b->loop_capacity = b->block->seam_vertex_count;
 }
 
-static void measure_loops(struct builder *b)
+static void measure_loops(struct small_builder *b)
 {
     for (uint32_t p = 0; p < b->block->patch_count; p++) {
         uint32_t length = 0;
         for (uint32_t i = b->use_first[p]; i < b->use_first[p + 1]; i++)
-            length += chain_length(b, b->uses[i] >> 1) - 1;
+            length += small_chain_length(b, b->uses[i] >> 1) - 1;
         b->loop_capacity = length > b->loop_capacity ? length : b->loop_capacity;
     }
 }
 
-static enum status take_arrays(struct builder *b)
+static enum status take_arrays(struct small_builder *b)
 {
     struct context *ctx = b->ctx;
     const size_t vertices = b->block->vertex_count;
@@ -716,7 +474,7 @@ static enum status take_arrays(struct builder *b)
     if (status == STATUS_OK && b->given_back > 0)
         status = memory_take_zeroed(ctx, vertices, sizeof *b->bulges, &b->bulges);
     if (b->bulges)
-        hold_rims(b);
+        small_hold_rims(b);
     if (status == STATUS_OK)
         status = memory_take(ctx, b->line_capacity, 3 * sizeof *b->line, &b->line);
     if (status == STATUS_OK)
@@ -730,7 +488,7 @@ static enum status take_arrays(struct builder *b)
     return status;
 }
 
-static void release_arrays(struct builder *b)
+static void release_arrays(struct small_builder *b)
 {
     struct context *ctx = b->ctx;
     const size_t vertices = b->block->vertex_count;
@@ -758,31 +516,30 @@ enum status small_mesh_build(struct context *ctx, struct small_workspace *space,
                              const struct chain_block *block, double tolerance, double given_back,
                              struct small_mesh *mesh)
 {
-    struct builder b = {.ctx = ctx,
-                        .space = space,
-                        .block = block,
-                        .tolerance = tolerance,
-                        .given_back = given_back,
-                        .chain_total = block->chain_count + block->seam_chain_count};
+    struct small_builder b = {.ctx = ctx,
+                              .space = space,
+                              .block = block,
+                              .tolerance = tolerance,
+                              .given_back = given_back,
+                              .chain_total = block->chain_count + block->seam_chain_count};
     memset(mesh, 0, sizeof *mesh);
     measure_block(&b);
     enum status status = take_arrays(&b);
     if (status == STATUS_OK)
         status = cut_chains(&b);
     for (uint32_t patch = 0; patch < block->patch_count && status == STATUS_OK; patch++) {
-        const uint32_t first = b.face_count, copies = b.copy_count;
-        b.face_first[patch] = first;
+        const uint32_t copies = b.copy_count;
         status = cut_patch(&b, patch);
         if (status != STATUS_OK)
             break;
         b.face_first[patch + 1] = b.face_count;
+        const double height = copies == b.copy_count ? small_note_witness(&b, patch) : 0;
         const struct patch *record = &block->patches[patch];
-        const double height = copies == b.copy_count ? note_witness(&b, record, first) : 0;
         if (b.bulges)
             bulge_note(b.bulges, b.loop, b.loop_count, record->normal, record->area, height);
     }
     if (status == STATUS_OK) {
-        measure_chains(&b);
+        small_measure_chains(&b);
         status = finish(&b, stride, mesh);
     }
     if (status == STATUS_OK) {

@@ -1,0 +1,102 @@
+/*
+ * What small_mesh.c, small_chains.c and small_loss.c share: a block's small mesh while it is built.
+ */
+#ifndef SPBM_SIMPLIFY_SMALL_INTERNAL_H
+#define SPBM_SIMPLIFY_SMALL_INTERNAL_H
+
+#include "simplify/small_bulge.h"
+#include "simplify/small_mesh.h"
+
+struct edge_entry {
+    uint32_t high; /* the other vertex */
+    uint32_t next; /* entry at the same lower vertex; NO_INDEX: the last */
+    uint32_t owner;
+    uint32_t chain; /* that it is a segment of; NO_INDEX: a diagonal */
+};
+
+struct small_builder {
+    struct context *ctx;
+    struct small_workspace *space;
+    const struct chain_block *block;
+    double tolerance, given_back;
+    bool is_cut;
+    double lost;          /* largest error of what was left out within it */
+    uint32_t chain_total; /* chains, then seam chains */
+    uint32_t use_count;
+    uint32_t *use_first;  /* a patch, and one more */
+    uint32_t *face_first; /* likewise, of the faces that it was cut into */
+    uint32_t *uses;       /* chain << 1 | walked from its end */
+    unsigned char *keep;  /* a vertex: it is in the mesh */
+    unsigned char *full;  /* a chain: 1 when all its vertices were given back */
+    float *dropped;       /* a chain: the largest error of what is not kept of it */
+    uint32_t *heads;      /* a vertex: its first entry */
+    size_t heads_count;
+    struct edge_entry *entries;
+    uint32_t entry_count, entry_capacity;
+    float *line; /* one chain's positions */
+    float *line_errors;
+    uint32_t line_capacity;
+    uint32_t *loop; /* one patch's kept vertices */
+    uint32_t loop_count;
+    double *points;
+    uint32_t *triangles;
+    uint32_t loop_capacity;
+    uint32_t patch;   /* the one that is being cut */
+    uint32_t *copies; /* block vertices of which there is another one, numbered from vertex_count */
+    uint32_t copy_count, copy_capacity;
+    uint32_t *faces;      /* block vertices */
+    float *errors;        /* a block vertex: the largest deviation of the patches at it, and */
+    uint32_t *witnesses;  /* the inner vertex of that patch; NO_INDEX: none */
+    struct bulge *bulges; /* a block vertex; NULL: nothing is given back */
+    uint32_t face_count, face_capacity;
+};
+
+/* ---- chains, seam or not, in one numbering ---- */
+
+static inline bool small_is_seam(const struct small_builder *b, uint32_t chain)
+{
+    return chain >= b->block->chain_count;
+}
+
+static inline uint32_t small_chain_length(const struct small_builder *b, uint32_t chain)
+{
+    return small_is_seam(b, chain)
+               ? b->block->seam_chains[chain - b->block->chain_count].vertex_count
+               : b->block->chains[chain].interior_count + 2;
+}
+
+static inline uint32_t small_chain_vertex(const struct small_builder *b, uint32_t chain, uint32_t i)
+{
+    if (small_is_seam(b, chain)) {
+        const struct seam_chain *seam = &b->block->seam_chains[chain - b->block->chain_count];
+        return b->block->seam_lists[seam->vertex_first + i];
+    }
+    const struct chain *c = &b->block->chains[chain];
+    return i == 0 ? c->start : i <= c->interior_count ? c->interior_first + i - 1 : c->end;
+}
+
+static inline bool small_on_seam(const struct small_builder *b, uint32_t v)
+{
+    return v >= b->block->junction_count &&
+           v < b->block->junction_count + b->block->seam_vertex_count;
+}
+
+/* ---- small_chains.c ---- */
+
+/* Marks the chain's vertices that its halving errors put above the tolerance, and its ends. */
+void small_chain_cut(struct small_builder *builder, uint32_t chain);
+/* Marks all its vertices. */
+void small_chain_give_back(struct small_builder *builder, uint32_t chain);
+
+/* ---- small_loss.c ---- */
+
+/* The farthest inner vertex of a patch that has just been cut, without a vertex of its own: when it
+ * matters, it becomes a witness at the nearest of the patch's faces, else it counts as lost.
+ * Returns its height above them, 0 when there is nothing to tell. */
+double small_note_witness(struct small_builder *builder, uint32_t patch);
+/* What chains have lost, when all patches are cut. */
+void small_measure_chains(struct small_builder *builder);
+/* Of the bulges: vertices of borders and seams stay where they are. */
+void small_hold_rims(struct small_builder *builder);
+
+#endif
