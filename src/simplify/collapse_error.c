@@ -55,25 +55,63 @@ LANES_INLINE float8 lanes_least(float8 a, float8 b)
     return lanes_choose(a < b, a, b);
 }
 
-/* Squared distances of the points p from the triangles 0, b, c. */
-LANES_INLINE float8 triangle_square(struct vec3x8 p, struct vec3x8 b, struct vec3x8 c)
+/* Eight faces of a fan, relative to its middle: between neighbours b and c, and the next lane's b
+ * is this one's c. */
+struct fan_faces {
+    struct vec3x8 b, c;
+    bool is_last; /* the last lane is beyond the last face */
+};
+
+/* What lane i + 1 has; the last lane gets what the first has. */
+LANES_INLINE float8 lanes_next(float8 v)
+{
+    return __builtin_shufflevector(v, v, 1, 2, 3, 4, 5, 6, 7, 0);
+}
+
+/* Squared distances of the point p from the faces. (Of neighbouring faces the common edge is looked
+ * at once.) */
+LANES_INLINE float8 faces_square(struct vec3x8 p, const struct fan_faces *faces)
 {
     const struct vec3x8 zero = {lanes_all(0), lanes_all(0), lanes_all(0)};
-    const struct vec3x8 n = lanes_cross(b, c);
-    const float8 square = lanes_dot(n, n), sizes = lanes_dot(b, b) * lanes_dot(c, c);
+    const struct vec3x8 b = faces->b, c = faces->c, n = lanes_cross(b, c);
+    const float8 left = segment_square(p, zero, b), left_size = lanes_dot(b, b);
+    float8 right, right_size;
+    if (faces->is_last) {
+        right = lanes_next(left);
+        right_size = lanes_next(left_size);
+    } else {
+        right = segment_square(p, zero, c);
+        right_size = lanes_dot(c, c);
+    }
     /* barycentric weights, times the squared normal, of the foot of p */
     const float8 second = lanes_dot(lanes_cross(p, c), n);
     const float8 third = lanes_dot(lanes_cross(b, p), n);
-    const int8x32 above =
-        (second >= 0) & (third >= 0) & (second + third <= square) & (square > NEEDLE * sizes);
+    const float8 square = lanes_dot(n, n);
+    const int8x32 above = (second >= 0) & (third >= 0) & (second + third <= square) &
+                          (square > NEEDLE * (left_size * right_size));
     const float8 height = lanes_dot(p, n);
-    const float8 sides = lanes_least(segment_square(p, zero, b), segment_square(p, zero, c));
-    const float8 rim = lanes_least(sides, segment_square(p, b, lanes_sub(c, b)));
-    return lanes_choose(above, height * height / (square + TINY), rim);
+    const float8 rim = segment_square(p, b, lanes_sub(c, b));
+    return lanes_choose(above, height * height / (square + TINY),
+                        lanes_least(lanes_least(left, right), rim));
+}
+
+/* The least of the lanes, and in the first of those that have it, of `places`. */
+LANES_INLINE float least_lane(float8 v, int8x32 places, uint32_t *place)
+{
+    float8 least = lanes_least(v, __builtin_shufflevector(v, v, 4, 5, 6, 7, 0, 1, 2, 3));
+    least = lanes_least(least, __builtin_shufflevector(least, least, 2, 3, 0, 1, 6, 7, 4, 5));
+    least = lanes_least(least, __builtin_shufflevector(least, least, 1, 0, 3, 2, 5, 4, 7, 6));
+    if (place) {
+        int lane = 0;
+        while (v[lane] > least[0])
+            lane++;
+        *place = (uint32_t)places[lane];
+    }
+    return least[0];
 }
 
 /* Least squared distance of p from the triangles that `apex` makes with the edges of the ring, but
- * for those at places `gone`; *place is that triangle's. */
+ * for those at places `gone`; *place (may be NULL) is that triangle's. */
 LANES_INLINE float nearest_in_lanes(const struct vertex_look *look, const float apex[3],
                                     const uint32_t gone[2], const float p[3], uint32_t *place)
 {
@@ -90,16 +128,14 @@ LANES_INLINE float nearest_in_lanes(const struct vertex_look *look, const float 
             lanes_load3(look->at[0] + first, look->at[1] + first, look->at[2] + first);
         const struct vec3x8 c =
             lanes_load3(look->at[0] + first + 1, look->at[1] + first + 1, look->at[2] + first + 1);
-        const float8 square = triangle_square(point, lanes_sub(b, top), lanes_sub(c, top));
+        const struct fan_faces faces = {lanes_sub(b, top), lanes_sub(c, top),
+                                        look->ring.faces < first + LANES};
+        const float8 square = faces_square(point, &faces);
         const int8x32 nearer = counts & (square < least);
         least = lanes_choose(nearer, square, least);
         places = (nearer & j) | (~nearer & places);
     }
-    int best = 0;
-    for (int i = 1; i < LANES; i++)
-        best = least[i] < least[best] ? i : best;
-    *place = (uint32_t)places[best];
-    return least[best];
+    return least_lane(least, places, place);
 }
 
 static float nearest_scalar(const struct vertex_look *look, const float apex[3],
@@ -156,8 +192,7 @@ static float square_at(const struct collapse *c, uint32_t v, const struct vertex
 {
     const float *from = c->vertices[v].position;
     const float p[3] = {place[0] - from[0], place[1] - from[1], place[2] - from[2]};
-    uint32_t face;
-    return look->ring.count ? nearest_square(c, look, origin, none_gone, p, &face) : INFINITY;
+    return look->ring.count ? nearest_square(c, look, origin, none_gone, p, NULL) : INFINITY;
 }
 
 void vertex_look_freely(const struct collapse *c, uint32_t v, struct vertex_look *look)
@@ -226,12 +261,12 @@ static struct point point_at(const struct edge_change *change, int end, const fl
 static float square_after(const struct collapse *c, const struct edge_change *change,
                           const struct point *p, float enough)
 {
-    uint32_t gone[2], place;
+    uint32_t gone[2];
     float nearest = FAR;
     for (int end = 0; end < 2 && nearest > enough; end++) {
         edge_faces_gone(change, end, gone);
         const float square =
-            nearest_square(c, change->looks[end], change->to[end], gone, p->at[end], &place);
+            nearest_square(c, change->looks[end], change->to[end], gone, p->at[end], NULL);
         nearest = square < nearest ? square : nearest;
     }
     return nearest;
@@ -243,30 +278,30 @@ struct face_place {
     uint32_t place;
 };
 
-/* From the faces that are there, *nearest the nearest of them; below `enough` it need not be exact.
- */
+/* From the faces that are there, *nearest (may be NULL) the nearest of them; below `enough` it need
+ * not be exact. */
 static float square_before(const struct collapse *c, const struct edge_change *change,
                            const struct point *p, float enough, struct face_place *nearest)
 {
-    struct face_place other = {1, 0};
-    nearest->end = 0;
-    const float own =
-        nearest_square(c, change->looks[0], origin, none_gone, p->at[0], &nearest->place);
-    if (own <= enough)
-        return own;
-    const float square =
-        nearest_square(c, change->looks[1], origin, none_gone, p->at[1], &other.place);
-    if (square >= own)
-        return own;
-    *nearest = other;
-    return square;
+    float least = INFINITY;
+    for (int end = 0; end < 2 && (end == 0 || least > enough); end++) {
+        uint32_t place = 0;
+        const float square = nearest_square(c, change->looks[end], origin, none_gone, p->at[end],
+                                            nearest ? &place : NULL);
+        if (!(square < least))
+            continue;
+        least = square;
+        if (nearest)
+            *nearest = (struct face_place){end, place};
+    }
+    return least;
 }
 
 /* How far the surface is in front of the original (behind: negative) at the new vertex: what it is
  * at its foot on the nearest of the faces that are there, and the way from the foot. */
 static float offset_after(const struct collapse *c, const struct edge_change *change)
 {
-    struct face_place face;
+    struct face_place face = {0, 0};
     const struct point point = point_at(change, 0, change->to[0]);
     const float step = sqrtf(square_before(c, change, &point, 0, &face));
     const struct vertex_look *look = change->looks[face.end];
@@ -329,11 +364,10 @@ static float square_between(const struct collapse *c, const struct edge_change *
             if (height <= 4 * largest && !edge_is_rim(c, change, end, j))
                 continue;
             float middle[3];
-            struct face_place face;
             for (int k = 0; k < 3; k++)
                 middle[k] = (look->at[k][j] + change->to[end][k]) / 2;
             const struct point point = point_at(change, end, middle);
-            const float square = square_before(c, change, &point, largest, &face);
+            const float square = square_before(c, change, &point, largest, NULL);
             largest = square > largest ? square : largest;
         }
     }
@@ -349,7 +383,6 @@ bool edge_keeps_witnesses(const struct collapse *c, const struct edge_change *ch
         for (uint32_t j = 0; j < look->ring.count; j++) {
             const uint32_t r = look->ring.vertices[j];
             float offset[3];
-            struct face_place face;
             if (r == change->v || r == change->w)
                 continue;
             witness_get(c, r, offset);
@@ -357,7 +390,7 @@ bool edge_keeps_witnesses(const struct collapse *c, const struct edge_change *ch
                 offset[k] += look->at[k][j];
             const struct point point = point_at(change, end, offset);
             if (square_after(c, change, &point, most) > most &&
-                square_before(c, change, &point, most, &face) <= most)
+                square_before(c, change, &point, most, NULL) <= most)
                 return false;
         }
     }
@@ -395,9 +428,8 @@ float edge_square_after(const struct collapse *c, const struct edge_change *chan
 float edge_square_before(const struct collapse *c, const struct edge_change *change, int end,
                          const float p[3])
 {
-    struct face_place face;
     const struct point point = point_at(change, end, p);
-    return square_before(c, change, &point, 0, &face);
+    return square_before(c, change, &point, 0, NULL);
 }
 
 void edge_find_error(const struct collapse *c, const struct edge_change *change, double enough,
