@@ -317,7 +317,11 @@ spbm_status spbm_lod(spbm_job *job, const char *chains, const char *output,
         status = stage_begin(job, STAGE_LOD, &size);
     }
     if (status == STATUS_OK)
-        status = make_levels(ctx, chains, output, target, options, CHAINS_GIVEN, &report);
+        status = make_levels(ctx, chains, output, target, options,
+                             !options->cache ? CHAINS_GIVEN
+                             : options->sync ? CHAINS_KEPT_SYNCED
+                                             : CHAINS_KEPT,
+                             &report);
     if (levels && (status == STATUS_OK || status == STATUS_TARGET_MISSED))
         copy_levels(levels, &report, &info);
     return call_end(job, status);

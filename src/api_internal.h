@@ -67,7 +67,7 @@ enum status read_chain_info(struct context *ctx, const char *chains,
 enum chains_are {
     CHAINS_GIVEN,
     CHAINS_OWN,        /* of this run alone: chain_file_trust */
-    CHAINS_KEPT,       /* the run leaves it behind: lod_options.keeps_trunk */
+    CHAINS_KEPT,       /* for further levels, too: lod_options.keeps_trunk */
     CHAINS_KEPT_SYNCED /* and it is to be on the disk */
 };
 

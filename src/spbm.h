@@ -374,6 +374,9 @@ typedef struct spbm_lod_options {
     spbm_place place;
     spbm_format format; /* of the output; "-" needs one */
     int sync;           /* default 1 */
+    int cache;          /* default 0. spbm_lod: replaces the chain file by one that also holds what
+                           makes further levels cheap, as spbm_simplify's keep_dir does, where it
+                           does not have that yet (elsewhere: does nothing) */
     uint64_t reserved[8];
 } spbm_lod_options;
 

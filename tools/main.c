@@ -47,8 +47,9 @@ static const struct command commands[] = {
      "\n"
      "  spbm lod scan.chains -o 'level-%d.ply' --faces 100k,10k\n"
      "  spbm lod part.chains -o part.ply --faces 100 --max-feature 2\n",
-     GROUP_SHARED | GROUP_OUTPUT | GROUP_TARGET | GROUP_PLACE | GROUP_TOPOLOGY | GROUP_FORMAT, 1, 1,
-     cmd_lod},
+     GROUP_SHARED | GROUP_OUTPUT | GROUP_TARGET | GROUP_PLACE | GROUP_TOPOLOGY | GROUP_FORMAT |
+         GROUP_CACHE,
+     1, 1, cmd_lod},
     {"export", "One stage at a time", "STORE -o OUT [options]",
      "writes a mesh store's mesh as a mesh file",
      "Writes the cleaned mesh at full size, streamed.\n"

@@ -56,6 +56,9 @@ const struct option_row option_rows[] = {
      "(default: off)"},
     {OPTION_DRY_RUN, GROUP_KEEP, 0, "dry-run", NULL,
      "only say what time, disk and memory the run would take"},
+    {OPTION_CACHE, GROUP_CACHE, 0, "cache", NULL,
+     "leave in CHAINS what makes further levels with the same effort\n"
+     "and placement cheap, as simplify --keep does (default: off)"},
     {OPTION_SAMPLES, GROUP_MEASURE, 0, "samples", "N",
      "samples for each face of the simplified mesh (default: 10)"},
     {OPTION_SELF_INTERSECTIONS, GROUP_MEASURE, 0, "self-intersections", NULL,
@@ -185,7 +188,7 @@ void options_help(const struct command *command, FILE *file)
         unsigned groups;
         const char *title;
     } sections[] = {
-        {GROUP_OUTPUT | GROUP_FORMAT | GROUP_KEEP, "Output"},
+        {GROUP_OUTPUT | GROUP_FORMAT | GROUP_KEEP | GROUP_CACHE, "Output"},
         {GROUP_WELD, "Input"},
         {GROUP_TARGET, "Target (one of the first three is needed)"},
         {GROUP_PATCH, "Patches"},

@@ -380,6 +380,9 @@ static void take_option(struct parser *parser, const struct option_row *row, con
     case OPTION_RESUME:
         options->resume = true;
         break;
+    case OPTION_CACHE:
+        options->lod.cache = 1;
+        break;
     default:
         options->has_topology |= row->group == GROUP_TOPOLOGY;
         if (row->group == GROUP_TOPOLOGY)
@@ -549,6 +552,8 @@ static void settle(struct parser *parser)
         misuse(parser, "--resume needs --tmp DIR: where finished stages are kept");
     if (options->resume && options->keep_dir)
         misuse(parser, "--resume and --keep cannot both be given");
+    if (options->lod.cache && options->has_topology)
+        misuse(parser, "--cache and options that remove features cannot both be given");
     if (options->quiet && options->verbose)
         misuse(parser, "--quiet and --verbose cannot both be given");
 }

@@ -25,7 +25,8 @@ enum {
     GROUP_KEEP = 128,
     GROUP_MEASURE = 256,
     GROUP_RENDER = 512,
-    GROUP_TOPOLOGY = 1024
+    GROUP_TOPOLOGY = 1024,
+    GROUP_CACHE = 2048
 };
 
 struct run;

@@ -249,6 +249,16 @@ class Work(ProgramTest):
         self.assertEqual(b"TRNK" in kept, mode == "collapse")
         self.run_program("check", "kept/mesh.chains")
         self.run_program("lod", "kept/mesh.chains", "-o", "five-%d.ply", *target)
+        # lod leaves it, too, when told so, and only once.
+        self.run_program("lod", "a.chains", "-o", "five-%d.ply", *target, "--cache")
+        self.assertEqual(read_bytes(self.path("a.chains")), kept)
+        before = os.stat(self.path("a.chains"))
+        self.run_program("lod", "a.chains", "-o", "five-%d.ply", *target, "--cache")
+        after = os.stat(self.path("a.chains"))
+        if mode == "collapse":
+            self.assertEqual((after.st_ino, after.st_mtime_ns), (before.st_ino, before.st_mtime_ns))
+        self.run_program("lod", "a.chains", "-o", "five.ply", "--faces", "9", "--cache",
+                         "--max-feature", "1", code=2)
         for level in range(len(wanted)):
             self.assertEqual(read_bytes(self.path("five-%d.ply" % level)),
                              read_bytes(self.path("one-%d.ply" % level)))
