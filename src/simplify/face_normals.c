@@ -11,11 +11,53 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/lanes.h"
 #include "simplify/float4.h"
+
+typedef int32_t int4 __attribute__((vector_size(16)));
+typedef double double4 __attribute__((vector_size(32)));
 
 /* A face is of zero area when the square of the sine of its first corner's angle is below this:
  * some 100 times the rounding error of the cross product in double precision. */
 static const double zero_sine_squared = 1e-28;
+
+/* a where the mask is set, else b. */
+static inline float4 choose(int4 mask, float4 a, float4 b)
+{
+    return (float4)((mask & (int4)a) | (~mask & (int4)b));
+}
+
+/* Extremes of `count` values, three coordinates in turn: of four vertices at a time, which are
+ * three vectors. */
+static void find_box(const float *values, size_t count, float low[3], float high[3])
+{
+    float lows[12], highs[12];
+    for (unsigned i = 0; i < 12; i++)
+        lows[i] = highs[i] = values[i % 3];
+    size_t at = 0;
+    if (count >= 12) {
+        float4 least[3], most[3];
+        memcpy(least, values, sizeof least);
+        memcpy(most, values, sizeof most);
+        for (; at + 12 <= count; at += 12)
+            for (unsigned i = 0; i < 3; i++) {
+                float4 x;
+                memcpy(&x, values + at + 4 * (size_t)i, sizeof x);
+                least[i] = choose(x < least[i], x, least[i]);
+                most[i] = choose(x > most[i], x, most[i]);
+            }
+        memcpy(lows, least, sizeof lows);
+        memcpy(highs, most, sizeof highs);
+    }
+    for (; at < count; at++) {
+        lows[at % 3] = fminf(values[at], lows[at % 3]);
+        highs[at % 3] = fmaxf(values[at], highs[at % 3]);
+    }
+    for (unsigned i = 0; i < 12; i++) {
+        low[i % 3] = i < 3 ? lows[i] : fminf(low[i % 3], lows[i]);
+        high[i % 3] = i < 3 ? highs[i] : fmaxf(high[i % 3], highs[i]);
+    }
+}
 
 /* The power of two by which areas are scaled: 2^40 4^-e for a slab of largest extent 2^e. Exponents
  * are read from the bits, so that the scale is exact whatever the unit of length. */
@@ -24,15 +66,7 @@ static double area_scale(const struct slab_local *local)
     float low[3], high[3];
     if (local->vertex_count == 0)
         return 1;
-    memcpy(low, local->positions, sizeof low);
-    memcpy(high, local->positions, sizeof high);
-    for (size_t v = 1; v < local->vertex_count; v++) {
-        for (unsigned c = 0; c < 3; c++) {
-            float x = local->positions[3 * v + c];
-            low[c] = x < low[c] ? x : low[c];
-            high[c] = x > high[c] ? x : high[c];
-        }
-    }
+    find_box(local->positions, 3 * (size_t)local->vertex_count, low, high);
     double extent = 0;
     for (unsigned c = 0; c < 3; c++) {
         double side = (double)high[c] - (double)low[c];
@@ -49,36 +83,127 @@ static double area_scale(const struct slab_local *local)
     return 0x1p40 * inverse * inverse;
 }
 
-/* One normal a face; a face of zero area gets all zeros. True when there are any. */
-static bool raw_normals(const struct slab_local *local, double scale, float *normals)
+/* ---- faces' own normals ---- */
+
+/* Faces whose roots and divisions are made together; a multiple of four. */
+enum { BATCH = 64 };
+
+struct batch {
+    double cross[3][BATCH]; /* of two edges of a face; then the normal */
+    double square[BATCH];   /* of its length; then the area */
+    double edges[BATCH];    /* the product of the two edges' squares */
+};
+
+/* Rows become columns. */
+LANES_INLINE void transpose(float4 r[4])
 {
-    const float *positions = local->positions;
-    double half_scale = 0.5 * scale;
+    const float4 a = __builtin_shufflevector(r[0], r[1], 0, 4, 1, 5);
+    const float4 b = __builtin_shufflevector(r[0], r[1], 2, 6, 3, 7);
+    const float4 c = __builtin_shufflevector(r[2], r[3], 0, 4, 1, 5);
+    const float4 d = __builtin_shufflevector(r[2], r[3], 2, 6, 3, 7);
+    r[0] = __builtin_shufflevector(a, c, 0, 1, 4, 5);
+    r[1] = __builtin_shufflevector(a, c, 2, 3, 6, 7);
+    r[2] = __builtin_shufflevector(b, d, 0, 1, 4, 5);
+    r[3] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
+}
+
+/* Corner k of four faces, in doubles. */
+LANES_INLINE void load_corners(const struct slab_local *local, const uint32_t faces[4], unsigned k,
+                               double4 to[3])
+{
+    float4 rows[4];
+    for (unsigned i = 0; i < 4; i++) {
+        const uint32_t vertex = local->faces[FACE_STRIDE * (size_t)faces[i] + k];
+        memcpy(&rows[i], local->positions + 3 * (size_t)vertex, sizeof rows[i]);
+    }
+    transpose(rows);
+    for (unsigned c = 0; c < 3; c++)
+        to[c] = __builtin_convertvector(rows[c], double4);
+}
+
+/* Faces i to i + 3 of a batch. */
+LANES_INLINE void cross_four(const struct slab_local *local, const uint32_t faces[4], uint32_t i,
+                             struct batch *batch)
+{
+    double4 a[3], u[3], v[3];
+    load_corners(local, faces, 1, a);
+    load_corners(local, faces, 2, u);
+    load_corners(local, faces, 0, v);
+    for (unsigned c = 0; c < 3; c++) {
+        u[c] -= a[c];
+        v[c] -= a[c];
+    }
+    const double4 x = u[1] * v[2] - u[2] * v[1], y = u[2] * v[0] - u[0] * v[2],
+                  z = u[0] * v[1] - u[1] * v[0];
+    const double4 square = x * x + y * y + z * z;
+    const double4 edges =
+        (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+    memcpy(batch->cross[0] + i, &x, sizeof x);
+    memcpy(batch->cross[1] + i, &y, sizeof y);
+    memcpy(batch->cross[2] + i, &z, sizeof z);
+    memcpy(batch->square + i, &square, sizeof square);
+    memcpy(batch->edges + i, &edges, sizeof edges);
+}
+
+/* From cross products to unit normals and areas; true when there is a face of zero area. */
+LANES_INLINE bool normalise_batch(struct batch *batch, double half_scale)
+{
+    double zeros = 0;
+    for (uint32_t i = 0; i < BATCH; i++) {
+        const bool is_zero = batch->square[i] <= zero_sine_squared * batch->edges[i];
+        const double length = sqrt(batch->square[i]), inverse = 1 / length;
+        batch->cross[0][i] = is_zero ? 0 : batch->cross[0][i] * inverse;
+        batch->cross[1][i] = is_zero ? 0 : batch->cross[1][i] * inverse;
+        batch->cross[2][i] = is_zero ? 0 : batch->cross[2][i] * inverse;
+        batch->square[i] = is_zero ? 0 : length * half_scale;
+        zeros = is_zero ? 1 : zeros;
+    }
+    return zeros > 0;
+}
+
+LANES_INLINE void store_four(const struct batch *batch, uint32_t i, uint32_t count, float *normals)
+{
+    float4 rows[4];
+    for (unsigned c = 0; c < 4; c++) {
+        double4 values;
+        memcpy(&values, (c < 3 ? batch->cross[c] : batch->square) + i, sizeof values);
+        rows[c] = __builtin_convertvector(values, float4);
+    }
+    transpose(rows);
+    for (unsigned k = 0; k < 4 && i + k < count; k++)
+        float4_store(normals + NORMAL_STRIDE * (size_t)k, rows[k]);
+}
+
+/* One normal a face; a face of zero area gets all zeros. True when there are any. */
+LANES_INLINE bool raw_normals(const struct slab_local *local, double scale, float *normals)
+{
     bool any_zero = false;
-    for (uint32_t f = 0; f < local->face_count; f++) {
-        const uint32_t *apex = local->faces + FACE_STRIDE * (size_t)f;
-        const float *a = positions + 3 * (size_t)apex[1];
-        const float *b = positions + 3 * (size_t)apex[2];
-        const float *c = positions + 3 * (size_t)apex[0];
-        double ux = (double)b[0] - a[0], uy = (double)b[1] - a[1], uz = (double)b[2] - a[2];
-        double vx = (double)c[0] - a[0], vy = (double)c[1] - a[1], vz = (double)c[2] - a[2];
-        double x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
-        double length2 = x * x + y * y + z * z;
-        double u2 = ux * ux + uy * uy + uz * uz, v2 = vx * vx + vy * vy + vz * vz;
-        float *normal = normals + NORMAL_STRIDE * (size_t)f;
-        if (length2 <= zero_sine_squared * (u2 * v2)) {
-            memset(normal, 0, NORMAL_STRIDE * sizeof *normal);
-            any_zero = true;
-            continue;
+    struct batch batch;
+    for (uint32_t first = 0; first < local->face_count; first += BATCH) {
+        const uint32_t left = local->face_count - first;
+        const uint32_t count = left < BATCH ? left : BATCH;
+        for (uint32_t i = 0; i < BATCH; i += 4) {
+            uint32_t faces[4];
+            for (uint32_t k = 0; k < 4; k++) /* at the end, the last one again and again */
+                faces[k] = first + (i + k < count ? i + k : count - 1);
+            cross_four(local, faces, i, &batch);
         }
-        double length = sqrt(length2);
-        double inverse = 1 / length;
-        normal[0] = (float)(x * inverse);
-        normal[1] = (float)(y * inverse);
-        normal[2] = (float)(z * inverse);
-        normal[3] = (float)(length * half_scale);
+        any_zero |= normalise_batch(&batch, 0.5 * scale);
+        for (uint32_t i = 0; i < count; i += 4)
+            store_four(&batch, i, count, normals + NORMAL_STRIDE * (size_t)(first + i));
     }
     return any_zero;
+}
+
+static bool raw_normals_scalar(const struct slab_local *local, double scale, float *normals)
+{
+    return raw_normals(local, scale, normals);
+}
+
+LANES_AVX2 static bool raw_normals_avx2(const struct slab_local *local, double scale,
+                                        float *normals)
+{
+    return raw_normals(local, scale, normals);
 }
 
 static bool is_undefined(const float *normal)
@@ -169,13 +294,14 @@ static void smooth_once(const struct slab_local *local, const float *from, float
     }
 }
 
-double face_normals_fill(const struct slab_local *local, uint32_t smoothings, float **normals,
-                         float **spare)
+double face_normals_fill(enum cpu_level level, const struct slab_local *local, uint32_t smoothings,
+                         float **normals, float **spare)
 {
     size_t beyond = NORMAL_STRIDE * (size_t)local->face_count;
     double scale = area_scale(local);
     memset(*normals + beyond, 0, BEYOND_COUNT * NORMAL_STRIDE * sizeof **normals);
-    if (raw_normals(local, scale, *normals))
+    if (level >= CPU_AVX2 ? raw_normals_avx2(local, scale, *normals)
+                          : raw_normals_scalar(local, scale, *normals))
         spread_normals(local, *normals, *spare);
     memset(*spare + beyond, 0, BEYOND_COUNT * NORMAL_STRIDE * sizeof **spare);
     for (uint32_t i = 0; i < smoothings; i++) {

@@ -5,6 +5,7 @@
 #ifndef SPBM_SIMPLIFY_FACE_NORMALS_H
 #define SPBM_SIMPLIFY_FACE_NORMALS_H
 
+#include "base/cpu.h"
 #include "simplify/slab_local.h"
 
 /* Four floats a face, on a multiple of 16 bytes: the unit normal, then the face's area in units of
@@ -20,7 +21,7 @@ enum { NORMAL_STRIDE = FACE_STRIDE };
  * there are to be multiplied. *spare is as large as *normals, and the two may have changed places
  * afterwards.
  */
-double face_normals_fill(const struct slab_local *local, uint32_t smoothings, float **normals,
-                         float **spare);
+double face_normals_fill(enum cpu_level level, const struct slab_local *local, uint32_t smoothings,
+                         float **normals, float **spare);
 
 #endif

@@ -27,8 +27,9 @@
  * beside a finished patch comes next.
  *
  * On scans patches have ten faces or so, and what a processor guesses wrong costs more than all
- * arithmetic. So vertices are marked with the patch's number, which needs no unmarking; what is
- * beyond the slab has labels and normals like any face; and where a test would be a coin's toss,
+ * arithmetic, and so does memory that is waited for: the neighbours of a face are asked for when it
+ * joins the queue. So vertices are marked with the patch's number, which needs no unmarking; what
+ * is beyond the slab has labels and normals like any face; and where a test would be a coin's toss,
  * both outcomes are computed or written, and one is kept.
  */
 #include "simplify/patchify.h"
@@ -55,23 +56,42 @@ struct queued {
 
 /* ---- one patch ---- */
 
-static inline uint32_t label_of(const struct growth *growth, uint32_t link)
+/* A patch while it is grown: what every face asks for and changes, in a place of its own that
+ * stores through the slab's arrays can't change, so that it stays in registers. */
+struct sprout {
+    uint32_t *faces; /* these are growth's */
+    const uint32_t *links;
+    const float *normals;
+    uint32_t *marks;
+    struct queued *queue;
+    const struct growth_bounds *bounds;
+    uint32_t most_faces;
+    uint32_t patch;
+    uint32_t size;     /* faces */
+    uint32_t boundary; /* edges of its loop */
+    uint32_t tail;     /* of the queue */
+    float4 sum;        /* of the normals, weighted by area */
+    float length;      /* of it */
+    double area;
+};
+
+static inline uint32_t label_of(const struct sprout *sprout, uint32_t link)
 {
-    return growth->faces[link | LABEL];
+    return sprout->faces[link | LABEL];
 }
 
-static inline bool is_free(const struct growth *growth, uint32_t link)
+static inline bool is_free(const struct sprout *sprout, uint32_t link)
 {
-    return label_of(growth, link) == NO_PATCH;
+    return label_of(sprout, link) == NO_PATCH;
 }
 
 /* Edges that the face behind `link` shares with the patch. */
-static inline unsigned shared_edges(const struct growth *growth, uint32_t link)
+static inline unsigned shared_edges(const struct sprout *sprout, uint32_t link)
 {
-    const uint32_t *links = growth->links + (link & ~3u);
-    const uint32_t patch = growth->patch;
-    return (unsigned)(label_of(growth, links[0]) == patch) + (label_of(growth, links[1]) == patch) +
-           (label_of(growth, links[2]) == patch);
+    const uint32_t *links = sprout->links + (link & ~3u);
+    const uint32_t patch = sprout->patch;
+    return (unsigned)(label_of(sprout, links[0]) == patch) + (label_of(sprout, links[1]) == patch) +
+           (label_of(sprout, links[2]) == patch);
 }
 
 /*
@@ -79,74 +99,80 @@ static inline unsigned shared_edges(const struct growth *growth, uint32_t link)
  * what the head of this file adds to it. *shared: the edges that it shares with the patch. With a
  * new apex that is the one it is reached over, and its other neighbours need not be looked at.
  */
-static inline bool keeps_disk(const struct growth *growth, uint32_t link, unsigned *shared)
+static inline bool keeps_disk(const struct sprout *sprout, uint32_t link, unsigned *shared)
 {
     *shared = 1;
-    if (growth->marks[growth->faces[link]] != growth->patch)
+    if (sprout->marks[sprout->faces[link]] != sprout->patch)
         return true;
-    *shared = shared_edges(growth, link);
-    return *shared == 2 && growth->boundary > 3;
+    *shared = shared_edges(sprout, link);
+    return *shared == 2 && sprout->boundary > 3;
 }
 
-/* Test (b): the normals of face and neighbour, and of face and patch, without roots: the bound for
- * the patch's sum has its length in it. */
-static inline bool fits(const struct growth *growth, float4 neighbour, uint32_t link,
+/* Test (b): the normals of face and neighbour, and of face and patch. */
+static inline bool fits(const struct sprout *sprout, float4 neighbour, uint32_t link,
                         unsigned shared)
 {
-    const struct growth_bounds *bounds = &growth->bounds[shared == 2];
-    float4 normal = float4_load(growth->normals + (link & ~3u));
-    float4 dots = float4_dots(normal, neighbour, normal, float4_load(growth->sum));
-    return (dots[0] >= bounds->face) & (dots[1] >= bounds->patch);
+    const struct growth_bounds *bounds = &sprout->bounds[shared == 2];
+    float4 normal = float4_load(sprout->normals + (link & ~3u));
+    float4 dots = float4_dots(normal, neighbour, normal, sprout->sum);
+    return (dots[0] >= bounds->face) & (dots[1] >= bounds->patch * sprout->length);
 }
 
-static inline bool is_feasible(const struct growth *growth, float4 neighbour, uint32_t link,
+static inline bool is_feasible(const struct sprout *sprout, float4 neighbour, uint32_t link,
                                unsigned *shared)
 {
-    return keeps_disk(growth, link, shared) && fits(growth, neighbour, link, *shared);
+    return keeps_disk(sprout, link, shared) && fits(sprout, neighbour, link, *shared);
 }
 
-static inline float4 normal_of(const struct growth *growth, uint32_t face)
+static inline float4 normal_of(const struct sprout *sprout, uint32_t face)
 {
-    return float4_load(growth->normals + NORMAL_STRIDE * (size_t)face);
+    return float4_load(sprout->normals + NORMAL_STRIDE * (size_t)face);
 }
 
-static inline void add_weighted(struct growth *growth, uint32_t face, float sign)
+static inline void add_weighted(struct sprout *sprout, uint32_t face, float sign)
 {
-    float4 normal = normal_of(growth, face);
+    float4 normal = normal_of(sprout, face);
     float weight = sign * normal[3];
-    float4 sum = float4_load(growth->sum) + weight * normal;
-    float length = sqrtf(float4_sum3(sum * sum));
-    float4_store(growth->sum, sum);
-    growth->bounds[0].patch = growth->patch_cosine[0] * length;
-    growth->bounds[1].patch = growth->patch_cosine[1] * length;
-    growth->area += weight;
+    sprout->sum += weight * normal;
+    sprout->length = sqrtf(float4_sum3(sprout->sum * sprout->sum));
+    sprout->area += weight;
+}
+
+/* Asks memory for what a face of the patch will be expanded by. */
+static inline void expect(const struct sprout *sprout, uint32_t face)
+{
+    const uint32_t *links = sprout->links + FACE_STRIDE * (size_t)face;
+    for (unsigned k = 0; k < 3; k++) {
+        __builtin_prefetch(sprout->faces + (links[k] & ~3u));
+        __builtin_prefetch(sprout->normals + (links[k] & ~3u));
+    }
 }
 
 /* Adds a face that keeps the disk and shares that many edges with it. */
-static inline void add(struct growth *growth, uint32_t link, unsigned shared)
+static inline void add(struct sprout *sprout, uint32_t link, unsigned shared)
 {
-    uint32_t apex = growth->faces[link];
-    __builtin_prefetch(growth->links + (link & ~3u)); /* it will be expanded soon */
-    growth->marks[apex] = growth->patch;              /* it is, if two edges are shared */
-    growth->boundary += shared == 1 ? 1 : -1u;
-    growth->faces[link | LABEL] = growth->patch;
-    growth->queue[growth->tail++] = (struct queued){link >> 2, shared == 1 ? apex : NO_INDEX};
-    growth->size++;
-    add_weighted(growth, link >> 2, 1);
+    uint32_t apex = sprout->faces[link];
+    expect(sprout, link >> 2);
+    sprout->marks[apex] = sprout->patch; /* it is, if two edges are shared */
+    sprout->boundary += shared == 1 ? 1 : -1u;
+    sprout->faces[link | LABEL] = sprout->patch;
+    sprout->queue[sprout->tail++] = (struct queued){link >> 2, shared == 1 ? apex : NO_INDEX};
+    sprout->size++;
+    add_weighted(sprout, link >> 2, 1);
 }
 
 /* The reverse of add, but for the queue. */
-static inline void take_away(struct growth *growth, uint32_t link, unsigned shared)
+static inline void take_away(struct sprout *sprout, uint32_t link, unsigned shared)
 {
     if (shared == 1) {
-        growth->marks[growth->faces[link]] = NO_PATCH;
-        growth->boundary--;
+        sprout->marks[sprout->faces[link]] = NO_PATCH;
+        sprout->boundary--;
     } else {
-        growth->boundary++;
+        sprout->boundary++;
     }
-    growth->faces[link | LABEL] = NO_PATCH;
-    growth->size--;
-    add_weighted(growth, link >> 2, -1);
+    sprout->faces[link | LABEL] = NO_PATCH;
+    sprout->size--;
+    add_weighted(sprout, link >> 2, -1);
 }
 
 /*
@@ -155,108 +181,133 @@ static inline void take_away(struct growth *growth, uint32_t link, unsigned shar
  * in: with the same apex it either shares two edges now and closes the ring round a vertex, which
  * is fine, or three, or one and would pinch.
  */
-static inline void expand_two(struct growth *growth, uint32_t head, unsigned shared)
+static inline void expand_two(struct sprout *sprout, uint32_t head, unsigned shared)
 {
-    uint32_t face = growth->queue[head].face;
-    uint32_t one = growth->links[FACE_STRIDE * (size_t)face + next3(shared)];
-    uint32_t two = growth->links[FACE_STRIDE * (size_t)face + previous3(shared)];
-    float4 normal = normal_of(growth, face);
+    uint32_t face = sprout->queue[head].face;
+    uint32_t one = sprout->links[FACE_STRIDE * (size_t)face + next3(shared)];
+    uint32_t two = sprout->links[FACE_STRIDE * (size_t)face + previous3(shared)];
+    float4 normal = normal_of(sprout, face);
     unsigned shared_one, shared_two;
-    if (is_feasible(growth, normal, one, &shared_one) &&
-        is_feasible(growth, normal, two, &shared_two)) {
-        add(growth, one, shared_one);
-        if (keeps_disk(growth, two, &shared_two)) {
-            add(growth, two, shared_two);
+    if (is_feasible(sprout, normal, one, &shared_one) &&
+        is_feasible(sprout, normal, two, &shared_two)) {
+        add(sprout, one, shared_one);
+        if (keeps_disk(sprout, two, &shared_two)) {
+            add(sprout, two, shared_two);
             return;
         }
-        take_away(growth, one, shared_one);
-        growth->tail--;
+        take_away(sprout, one, shared_one);
+        sprout->tail--;
     }
-    take_away(growth, face << 2 | shared, 1);
-    growth->queue[head] = (struct queued){NO_INDEX, NO_INDEX};
+    take_away(sprout, face << 2 | shared, 1);
+    sprout->queue[head] = (struct queued){NO_INDEX, NO_INDEX};
 }
 
 /* Adds what is feasible of the neighbours of `face`, one by one. */
-static inline void expand_each(struct growth *growth, uint32_t face)
+static inline void expand_each(struct sprout *sprout, uint32_t face)
 {
-    float4 normal = normal_of(growth, face);
+    float4 normal = normal_of(sprout, face);
     for (unsigned k = 0; k < 3; k++) {
-        uint32_t link = growth->links[FACE_STRIDE * (size_t)face + k];
+        uint32_t link = sprout->links[FACE_STRIDE * (size_t)face + k];
         unsigned shared;
-        if (is_free(growth, link) && growth->size < growth->most_faces &&
-            is_feasible(growth, normal, link, &shared))
-            add(growth, link, shared);
+        if (is_free(sprout, link) && sprout->size < sprout->most_faces &&
+            is_feasible(sprout, normal, link, &shared))
+            add(sprout, link, shared);
     }
 }
 
-static void grow_from(struct growth *growth, uint32_t seed)
+static struct sprout plant(const struct growth *growth, uint32_t seed)
 {
     const uint32_t *vertices = growth->faces + FACE_STRIDE * (size_t)seed;
-    growth->size = 1;
-    growth->boundary = 3;
-    growth->tail = 0;
-    growth->queue[growth->tail++] = (struct queued){seed, NO_INDEX};
-    growth->faces[FACE_STRIDE * (size_t)seed + LABEL] = growth->patch;
-    growth->area = 0;
-    memset(growth->sum, 0, sizeof growth->sum);
-    add_weighted(growth, seed, 1);
+    struct sprout sprout = {.faces = growth->faces,
+                            .links = growth->links,
+                            .normals = growth->normals,
+                            .marks = growth->marks,
+                            .queue = growth->queue,
+                            .bounds = growth->bounds,
+                            .most_faces = growth->most_faces,
+                            .patch = growth->patch,
+                            .size = 1,
+                            .boundary = 3,
+                            .tail = 1};
+    sprout.queue[0] = (struct queued){seed, NO_INDEX};
+    sprout.faces[FACE_STRIDE * (size_t)seed + LABEL] = sprout.patch;
+    add_weighted(&sprout, seed, 1);
     for (unsigned k = 0; k < 3; k++)
-        growth->marks[vertices[k]] = growth->patch;
+        sprout.marks[vertices[k]] = sprout.patch;
+    return sprout;
+}
 
-    expand_each(growth, seed);
-    for (uint32_t head = 1; head < growth->tail && growth->size < growth->most_faces; head++) {
-        uint32_t face = growth->queue[head].face;
-        const uint32_t *links = growth->links + FACE_STRIDE * (size_t)face;
-        unsigned free = (unsigned)is_free(growth, links[0]) | is_free(growth, links[1]) << 1 |
-                        is_free(growth, links[2]) << 2;
+/* Returns the length of the queue; *area: of the patch. */
+static uint32_t grow_from(const struct growth *growth, uint32_t seed, double *area)
+{
+    struct sprout sprout = plant(growth, seed);
+    expand_each(&sprout, seed);
+    for (uint32_t head = 1; head < sprout.tail && sprout.size < sprout.most_faces; head++) {
+        uint32_t face = sprout.queue[head].face;
+        const uint32_t *links = sprout.links + FACE_STRIDE * (size_t)face;
+        unsigned free = (unsigned)is_free(&sprout, links[0]) | is_free(&sprout, links[1]) << 1 |
+                        is_free(&sprout, links[2]) << 2;
         if (free == 0)
             continue;
         if ((free & (free - 1)) == 0) {
             unsigned shared;
             uint32_t link = links[free >> 1];
-            if (is_feasible(growth, normal_of(growth, face), link, &shared))
-                add(growth, link, shared);
-        } else if (growth->size + 2 <= growth->most_faces) {
-            expand_two(growth, head, free == 6 ? 0 : free == 5 ? 1 : 2);
+            if (is_feasible(&sprout, normal_of(&sprout, face), link, &shared))
+                add(&sprout, link, shared);
+        } else if (sprout.size + 2 <= sprout.most_faces) {
+            expand_two(&sprout, head, free == 6 ? 0 : free == 5 ? 1 : 2);
         }
     }
+    *area = sprout.area;
+    return sprout.tail;
 }
 
-/* Ends the patch: gathers it, and the free faces beside it become candidates. */
-static void gather(struct patch_workspace *space, struct grown_patch *patch)
+/* Asks memory for what a boundary will be followed and traced by. */
+static inline void expect_vertex(const struct patch_workspace *space, uint32_t vertex)
+{
+    const struct slab_local *local = &space->local;
+    __builtin_prefetch(local->positions + 3 * (size_t)vertex);
+    __builtin_prefetch(space->vertex_room + vertex);
+    __builtin_prefetch(space->vertex_room + (size_t)local->vertex_count + vertex);
+}
+
+/* Ends the patch: gathers it from the queue, and the free faces beside it become candidates. */
+static void gather(struct patch_workspace *space, uint32_t tail, struct grown_patch *patch)
 {
     struct growth *growth = &space->growth;
+    const struct queued *queue = growth->queue;
+    const uint32_t number = growth->patch;
     uint32_t *faces = space->lists, *vertices = faces + QUEUE_SIZE, face_count = 0;
     struct boundary_edge *boundary = space->boundary;
     uint32_t vertex_count = 3, edge_count = 0;
-    memcpy(vertices, growth->faces + FACE_STRIDE * (size_t)growth->queue[0].face,
-           3 * sizeof *vertices);
-    for (uint32_t i = 0; i < growth->tail; i++) {
-        faces[face_count] = growth->queue[i].face;
-        face_count += growth->queue[i].face != NO_INDEX;
-        vertices[vertex_count] = growth->queue[i].apex;
-        vertex_count += growth->queue[i].apex != NO_INDEX;
+    memcpy(vertices, growth->faces + FACE_STRIDE * (size_t)queue[0].face, 3 * sizeof *vertices);
+    for (uint32_t i = 0; i < tail; i++) {
+        faces[face_count] = queue[i].face;
+        face_count += queue[i].face != NO_INDEX;
+        vertices[vertex_count] = queue[i].apex;
+        vertex_count += queue[i].apex != NO_INDEX;
     }
     for (uint32_t i = 0; i < face_count; i++) {
         const uint32_t *apex = growth->faces + FACE_STRIDE * (size_t)faces[i];
         const uint32_t *links = growth->links + FACE_STRIDE * (size_t)faces[i];
         for (unsigned k = 0; k < 3; k++) {
-            uint32_t over = label_of(growth, links[k]);
+            uint32_t over = growth->faces[links[k] | LABEL];
             boundary[edge_count] =
                 (struct boundary_edge){apex[next3(k)], apex[previous3(k)], over, links[k]};
-            edge_count += over != growth->patch;
+            edge_count += over != number;
         }
     }
-    for (uint32_t i = 0; i < edge_count; i++)
+    for (uint32_t i = 0; i < edge_count; i++) {
         bit_tree_set_if(&growth->candidates, boundary[i].link >> 2, boundary[i].over == NO_PATCH);
-    *patch = (struct grown_patch){.number = growth->patch,
+        expect_vertex(space, boundary[i].start);
+    }
+    *patch = (struct grown_patch){.number = number,
                                   .face_count = face_count,
                                   .vertex_count = vertex_count,
                                   .edge_count = edge_count,
                                   .faces = faces,
                                   .vertices = vertices,
-                                  .boundary = boundary,
-                                  .area = growth->area * growth->area_factor};
+                                  .boundary = boundary};
 }
 
 /* ---- a slab ---- */
@@ -282,8 +333,10 @@ bool patch_growth_next(struct patch_workspace *space, struct grown_patch *patch)
     uint32_t seed = next_seed(&space->growth);
     if (seed == NO_INDEX)
         return false;
-    grow_from(&space->growth, seed);
-    gather(space, patch);
+    double area;
+    const uint32_t tail = grow_from(&space->growth, seed, &area);
+    gather(space, tail, patch);
+    patch->area = area * space->growth.area_factor;
     space->growth.patch++;
     return true;
 }
@@ -292,7 +345,7 @@ static void set_options(struct growth *growth, const struct patch_options *optio
 {
     for (unsigned i = 0; i < 2; i++) {
         growth->bounds[i].face = (float)options->face_cosine[i];
-        growth->patch_cosine[i] = (float)options->patch_cosine[i];
+        growth->bounds[i].patch = (float)options->patch_cosine[i];
     }
     growth->most_faces = options->most_faces;
     if (growth->most_faces == 0 || growth->most_faces > PATCH_FACES_MAX)
@@ -382,7 +435,8 @@ static enum status begin_slab(struct context *ctx, const struct slab *slab,
         space->spare = swap;
     }
     begin(space, options,
-          face_normals_fill(&space->local, options->smoothings, &space->normals, &space->spare));
+          face_normals_fill(cpu_level(ctx), &space->local, options->smoothings, &space->normals,
+                            &space->spare));
     return STATUS_OK;
 }
 

@@ -34,19 +34,16 @@ struct grown_patch {
     double area;                          /* of its faces, model units */
 };
 
-/* What a face must reach to fit: its dot product with the neighbour's normal, and with the sum of
- * the patch's. */
+/* What a face must reach to fit: its normal's cosine with the neighbour's, and with the sum of the
+ * patch's. */
 struct growth_bounds {
     float face, patch;
 };
 
-/* The state of growth; private to patchify.c. */
+/* The state of growth between two patches; private to patchify.c. */
 struct growth {
-    _Alignas(16) float sum[4]; /* of the normals of the patch being grown, weighted by area; their
-                                  area */
     struct growth_bounds bounds[2]; /* sharing one edge, sharing two */
-    float patch_cosine[2];
-    uint32_t *faces; /* of the slab, with the labels; NO_PATCH: free */
+    uint32_t *faces;                /* of the slab, with the labels; NO_PATCH: free */
     const uint32_t *links;
     const float *normals;
     uint32_t *marks; /* a local vertex: the patch that it came into last */
@@ -56,13 +53,7 @@ struct growth {
     uint32_t lowest; /* no face below is free */
     uint32_t most_faces;
     double area_factor;
-
-    /* the patch being grown */
-    uint32_t patch;
-    uint32_t size;     /* faces */
-    uint32_t boundary; /* edges of its loop */
-    uint32_t tail;     /* of the queue */
-    double area;
+    uint32_t patch; /* the next one */
 };
 
 /*

@@ -27,7 +27,8 @@ static enum status reserve(struct context *ctx, struct slab_local *local, size_t
         if (!status)
             memory_use_whole(local->faces, faces, FACE_STRIDE * sizeof *local->faces);
     }
-    if (!status && vertices > local->vertex_capacity) {
+    if (!status && vertices >= local->vertex_capacity) { /* one more, for whole vectors */
+        vertices++;
         memory_release(ctx, &local->positions, local->vertex_capacity,
                        3 * sizeof *local->positions);
         local->vertex_capacity = 0;

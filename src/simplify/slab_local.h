@@ -30,7 +30,7 @@ struct slab_local {
     size_t seam_links;     /* links that lead to another slab */
     uint32_t *faces;       /* vertices opposite edges 0, 1, 2; label: UINT32_MAX when filled */
     uint32_t *links;       /* over edges 0, 1, 2; 0: the user's */
-    float *positions;      /* 3 a local vertex */
+    float *positions;      /* 3 a local vertex, and room for another, so that four can be read */
     size_t face_capacity;  /* those beyond counted */
     size_t vertex_capacity;
     size_t foreign_capacity;

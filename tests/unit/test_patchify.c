@@ -2,6 +2,7 @@
  * Patch growth, section 4.2.2 and 4.2.3 of the dissertation: against a slow reference that follows
  * the text literally, and each of its cases and DESIGN.md's traps by itself.
  */
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -639,6 +640,80 @@ static void smoothing_averages_neighbours(void **unused)
     end(&fixture);
 }
 
+/* What face_normals.h says of one face's own normal, a face at a time; false: it has no area. The
+ * area is not scaled. */
+static bool plain_normal(const struct mesh *mesh, uint32_t f, float normal[4])
+{
+    const double *p[3];
+    double u[3], v[3], cross[3], square = 0, u_square = 0, v_square = 0;
+    for (unsigned k = 0; k < 3; k++)
+        p[k] = mesh->positions + 3 * (size_t)mesh->faces[3 * (size_t)f + k];
+    for (unsigned c = 0; c < 3; c++) {
+        u[c] = (double)(float)p[1][c] - (double)(float)p[0][c];
+        v[c] = (double)(float)p[2][c] - (double)(float)p[0][c];
+    }
+    for (unsigned c = 0; c < 3; c++) {
+        cross[c] = u[(c + 1) % 3] * v[(c + 2) % 3] - u[(c + 2) % 3] * v[(c + 1) % 3];
+        square += cross[c] * cross[c];
+        u_square += u[c] * u[c];
+        v_square += v[c] * v[c];
+    }
+    const double length = sqrt(square), inverse = 1 / length;
+    for (unsigned c = 0; c < 3; c++)
+        normal[c] = (float)(cross[c] * inverse);
+    normal[3] = (float)(length / 2);
+    return square > 1e-28 * (u_square * v_square);
+}
+
+static float *normals_at(struct fixture *fixture, unsigned cap, uint32_t smoothings)
+{
+    float *normals = calloc(fixture->mesh.face_count * NORMAL_STRIDE, sizeof *normals);
+    assert_non_null(normals);
+    fixture->ctx.cpu_level_cap = cap;
+    fill_normals(fixture, smoothings, normals);
+    return normals;
+}
+
+/* Batches and their ends, faces of no area among them: the scalar form and this machine's best have
+ * the same bits, those of one face at a time. */
+static void normals_are_the_same_on_any_machine(void **unused)
+{
+    (void)unused;
+    uint64_t state = 7;
+    for (unsigned round = 0; round < 60; round++) {
+        struct shape shape = shape_noisy_slab(1 + round / 6, 0.2, round);
+        for (size_t v = 0; v + 1 < shape.vertex_count; v++)
+            if (round % 3 == 0 && random_below(&state, 9) == 0)
+                memcpy(shape.positions + 3 * v, shape.positions + 3 * v + 3, 3 * sizeof(double));
+        struct fixture fixture;
+        begin(&fixture, shape, 1 << 18);
+        const size_t faces = fixture.mesh.face_count, bytes = faces * NORMAL_STRIDE * sizeof(float);
+        float *smoothed[2] = {normals_at(&fixture, CPU_SCALAR, 2),
+                              normals_at(&fixture, UINT_MAX, 2)};
+        float *raw[2] = {normals_at(&fixture, CPU_SCALAR, 0), normals_at(&fixture, UINT_MAX, 0)};
+        assert_memory_equal(smoothed[0], smoothed[1], bytes);
+        assert_memory_equal(raw[0], raw[1], bytes);
+        float scale = 0;
+        for (uint32_t f = 0; f < faces; f++) {
+            float plain[4];
+            const float *made = raw[0] + NORMAL_STRIDE * (size_t)f;
+            if (!plain_normal(&fixture.mesh, f, plain)) {
+                assert_true(made[3] == 0);
+                continue;
+            }
+            scale = scale > 0 ? scale : made[3] / plain[3]; /* a power of two */
+            plain[3] *= scale;
+            assert_memory_equal(plain, made, sizeof plain);
+        }
+        assert_true(scale > 0);
+        for (unsigned i = 0; i < 2; i++) {
+            free(smoothed[i]);
+            free(raw[i]);
+        }
+        end(&fixture);
+    }
+}
+
 /* A strip whose middle faces have no area takes the normals from its ends; all else stays flat. */
 static void zero_area_faces_take_their_neighbours_normals(void **unused)
 {
@@ -764,6 +839,7 @@ int main(void)
         cmocka_unit_test(bit_tree_gives_the_lowest),
         cmocka_unit_test(growing_again_is_growing_anew),
         cmocka_unit_test(smoothing_averages_neighbours),
+        cmocka_unit_test(normals_are_the_same_on_any_machine),
         cmocka_unit_test(zero_area_faces_take_their_neighbours_normals),
         cmocka_unit_test(unit_vectors_keep_their_code),
         cmocka_unit_test(damaged_slabs_are_refused),
