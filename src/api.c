@@ -278,7 +278,8 @@ enum status read_chain_info(struct context *ctx, const char *chains, struct chai
 
 enum status make_levels(struct context *ctx, const char *chains, const char *output,
                         const spbm_target *target, const spbm_lod_options *options,
-                        enum chains_are chains_are, struct lod_report *report)
+                        enum chains_are chains_are, struct chain_hold *hold,
+                        struct lod_report *report)
 {
     struct lod_options lod = {
         .target = make_target(target),
@@ -286,6 +287,7 @@ enum status make_levels(struct context *ctx, const char *chains, const char *out
         .output = output,
         .export = {.format = (enum export_format)options->format, .sync = options->sync != 0},
         .is_own_file = chains_are == CHAINS_OWN,
+        .hold = hold,
         .keeps_trunk = chains_are == CHAINS_KEPT || chains_are == CHAINS_KEPT_SYNCED,
         .syncs_trunk = chains_are == CHAINS_KEPT_SYNCED,
     };
@@ -321,7 +323,7 @@ spbm_status spbm_lod(spbm_job *job, const char *chains, const char *output,
                              !options->cache ? CHAINS_GIVEN
                              : options->sync ? CHAINS_KEPT_SYNCED
                                              : CHAINS_KEPT,
-                             &report);
+                             NULL, &report);
     if (levels && (status == STATUS_OK || status == STATUS_TARGET_MISSED))
         copy_levels(levels, &report, &info);
     return call_end(job, status);

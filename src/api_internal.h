@@ -71,9 +71,11 @@ enum chains_are {
     CHAINS_KEPT_SYNCED /* and it is to be on the disk */
 };
 
+/* `hold`: CHAINS_OWN's, else NULL. */
 enum status make_levels(struct context *ctx, const char *chains, const char *output,
                         const spbm_target *target, const spbm_lod_options *options,
-                        enum chains_are chains_are, struct lod_report *report) MUST_CHECK;
+                        enum chains_are chains_are, struct chain_hold *hold,
+                        struct lod_report *report) MUST_CHECK;
 
 /* Where store and chain file of a whole run lie: kept under names, or in files without one. */
 struct workspace {

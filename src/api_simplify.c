@@ -34,7 +34,8 @@ struct run {
     struct run_size size;
     struct clock began;
     struct chain_info chains;
-    bool is_unfolding; /* the input is a chain file */
+    struct chain_hold hold; /* of their blocks */
+    bool is_unfolding;      /* the input is a chain file */
 };
 
 static bool is_resumable(const struct run *run)
@@ -170,6 +171,25 @@ static bool resume_chains(struct run *run)
     return status == STATUS_OK && crc == run->chains.store_crc;
 }
 
+/*
+ * What blocks may take that go to lod in memory: no more than the run has taken before; and where
+ * the budget is narrow, a part of what the stages that they are there in can do without.
+ */
+static void limit_hold(struct run *run)
+{
+    const uint64_t memory = job_memory(run->job);
+    uint64_t needed = 0;
+    for (enum run_stage stage = STAGE_PATCHIFY; stage <= STAGE_LOD; stage++) {
+        const unsigned threads = fitting_threads(run->job, stage, &run->size);
+        const uint64_t least = stage_least_memory(stage, &run->size, threads);
+        needed = least > needed ? least : needed;
+    }
+    run->hold.most_in_use = atomic_load(&run->ctx->memory_peak);
+    run->hold.most_bytes = memory == UINT64_MAX ? UINT64_MAX
+                           : memory > needed    ? (memory - needed) / 4
+                                                : 0;
+}
+
 static enum status patchify_stage(struct run *run)
 {
     const spbm_simplify_options *options = run->options;
@@ -178,6 +198,8 @@ static enum status patchify_stage(struct run *run)
         make_request(&options->patch, keeps ? CHAIN_KEPT_LEVEL : 0,
                      is_resumable(run) || (keeps && options->patch.sync));
     request.is_own_store = run->work.store_fd >= 0;
+    request.hold = run->work.chains_fd >= 0 ? &run->hold : NULL;
+    limit_hold(run);
     enum status status = STATUS_OK;
     if (!resumed) {
         status = stage_begin(run->job, STAGE_PATCHIFY, &run->size);
@@ -204,8 +226,9 @@ static enum status lod_stage(struct run *run)
                                                                 : CHAINS_KEPT;
     enum status status = stage_begin(run->job, STAGE_LOD, &run->size);
     if (status == STATUS_OK)
-        status = make_levels(run->ctx, run->work.chains, run->output, &options->target,
-                             &options->lod, chains_are, &levels);
+        status =
+            make_levels(run->ctx, run->work.chains, run->output, &options->target, &options->lod,
+                        chains_are, chains_are == CHAINS_OWN ? &run->hold : NULL, &levels);
     if (status == STATUS_OK || status == STATUS_TARGET_MISSED) {
         stage_end(run, stage_name(STAGE_LOD), false);
         copy_levels(&run->report->levels, &levels, &run->chains);
@@ -333,6 +356,7 @@ static void close_places(struct run *run, enum status status)
     if (keeps)
         tell(run->ctx, MESSAGE_NOTE, "%s: finished stages are kept for the same command to go on",
              run->folder.path);
+    chain_hold_clear(&run->hold);
     run_folder_close(&run->folder, keeps);
     workspace_explain(&run->work);
     workspace_close(&run->work);

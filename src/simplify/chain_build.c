@@ -27,7 +27,7 @@ struct worker {
 struct result {
     struct slab_seams seams;
     struct chain_info counts; /* those of the block */
-    unsigned char *packed;
+    unsigned char *packed;    /* NULL: it is held */
     size_t packed_size;
 };
 
@@ -44,6 +44,7 @@ struct build {
     unsigned in_flight;
     struct chain_writer *writer;
     struct seam_join *join;
+    struct chain_hold *hold; /* or NULL */
     struct chain_info info;
 };
 
@@ -71,7 +72,10 @@ static enum status make_block(struct build *build, uint32_t index, struct worker
     if (!status)
         status = chain_trace(ctx, build->store, build->stride, &slab, &worker->grow, &worker->trace,
                              &block, &result->seams, &counts);
-    if (!status) {
+    bool is_held = false;
+    if (!status && build->hold)
+        status = chain_hold_take(build->hold, &block, &is_held);
+    if (!status && !is_held) {
         size_t size;
         void *room = trace_free_room(&worker->trace, &worker->grow, &size);
         status = chain_block_pack(ctx, &block, build->stride, build->level, room, size,
@@ -246,6 +250,7 @@ static enum status open_all(struct build *build, const char *store_path, const c
     build->stride = store->attributes.stride;
     build->slab_count = store->slab_count;
     build->level = request->level;
+    build->hold = request->hold;
     build->worker_count = choose_workers(ctx, build->stride, build->slab_count);
     /* One for each at work, and one to be written; no more threads are used than are in flight. */
     build->in_flight = build->worker_count + (build->worker_count == ctx->threads);
@@ -255,6 +260,8 @@ static enum status open_all(struct build *build, const char *store_path, const c
             memory_take_zeroed(ctx, build->worker_count, sizeof *build->workers, &build->workers);
     if (!status)
         status = memory_take_zeroed(ctx, build->in_flight, sizeof *build->results, &build->results);
+    if (!status && build->hold)
+        status = chain_hold_begin(ctx, build->slab_count, build->stride, build->hold);
     if (!status)
         status = chain_writer_open(ctx, chain_path, build->level, build->slab_count, build->stride,
                                    &build->writer);

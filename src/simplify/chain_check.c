@@ -116,7 +116,6 @@ static enum status add_uses(struct check *check, const struct chain_block *block
 
 static enum status check_block(struct check *check, uint32_t slab)
 {
-    struct context *ctx = check->ctx;
     struct chain_block block;
     uint64_t interiors = 0, most_faces;
     enum status status = chain_block_read_counting(check->file, slab, &block, &most_faces);
@@ -141,7 +140,7 @@ static enum status check_block(struct check *check, uint32_t slab)
         status = add_copy(check, &block, block.seam_chains + i);
     if (!status)
         status = add_uses(check, &block);
-    chain_block_clear(ctx, check->info->attributes.stride, &block);
+    chain_block_release(check->file, &block);
     return status;
 }
 

@@ -6,7 +6,7 @@
 #define SPBM_SIMPLIFY_CHAIN_FILE_H
 
 #include "mesh/store.h"
-#include "simplify/patch.h"
+#include "simplify/chain_hold.h"
 
 /* Compression of chain files that are kept: level 6 takes three times as long and makes them 4 %
  * smaller. Those of one run are not compressed. */
@@ -42,16 +42,20 @@ enum status chain_file_open(struct context *ctx, const char *path, struct chain_
     MUST_CHECK;
 void chain_file_close(struct chain_file **file);
 /* Says that this very process wrote the file where nobody else can reach it: what has the right
- * checksum is then as it was written, and loops are not followed again. */
-void chain_file_trust(struct chain_file *file);
+ * checksum is then as it was written, and loops are not followed again. Blocks that `hold` (may be
+ * NULL) has are taken from there; it outlives the file. */
+void chain_file_trust(struct chain_file *file, const struct chain_hold *hold);
 const struct chain_info *chain_file_info(const struct chain_file *file);
 /* Its path as given, for words. */
 const char *chain_file_name(const struct chain_file *file);
 
 /* Reads, verifies and checks one block with its seam chains; every number in it is in range and P1,
- * P2 hold as far as one block shows. Release with chain_block_clear. */
+ * P2 hold as far as one block shows. Its arrays are not to be changed; released with
+ * chain_block_release. */
 enum status chain_block_read(struct chain_file *file, uint32_t slab, struct chain_block *block)
     MUST_CHECK;
+void chain_block_release(struct chain_file *file, struct chain_block *block);
+/* Of a block whose arrays are all its own. */
 void chain_block_clear(struct context *ctx, uint32_t stride, struct chain_block *block);
 
 /* Full verification; STATUS_BAD_INPUT with the first thing that is wrong. */
@@ -70,6 +74,7 @@ enum status chain_writer_open(struct context *ctx, const char *path, int level, 
 enum status chain_block_pack(struct context *ctx, const struct chain_block *block, uint32_t stride,
                              int level, void *room, size_t room_size, unsigned char **packed,
                              size_t *size) MUST_CHECK;
+/* NULL and 0 for a block that is held in memory. */
 enum status chain_writer_block(struct chain_writer *writer, const unsigned char *packed, size_t size)
     MUST_CHECK;
 /* The seam fields of `block` only. */

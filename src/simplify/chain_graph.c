@@ -438,31 +438,22 @@ done:
     return status;
 }
 
-struct file_source {
-    struct context *ctx;
-    struct chain_file *file;
-    uint32_t stride;
-};
-
 static enum status file_read(void *user, uint32_t index, struct chain_block *block)
 {
-    struct file_source *source = user;
-    return chain_block_read(source->file, index, block);
+    return chain_block_read(user, index, block);
 }
 
 static void file_release(void *user, struct chain_block *block)
 {
-    struct file_source *source = user;
-    chain_block_clear(source->ctx, source->stride, block);
+    chain_block_release(user, block);
 }
 
 enum status chain_graph_open(struct context *ctx, struct chain_file *file, const char *beside,
                              struct chain_graph *graph)
 {
     const struct chain_info *info = chain_file_info(file);
-    struct file_source from = {ctx, file, info->attributes.stride};
     struct block_source source = {info->slab_count, info->attributes.stride, file_read,
-                                  file_release, &from};
+                                  file_release, file};
     return chain_graph_build(ctx, &source, beside, graph);
 }
 

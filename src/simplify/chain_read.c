@@ -25,6 +25,7 @@ struct chain_file {
     struct chain_info info;
     struct chain_place *places;
     bool is_own; /* chain_file_trust */
+    const struct chain_hold *hold;
 };
 
 /* ---- opening ---- */
@@ -133,9 +134,10 @@ void chain_file_close(struct chain_file **file)
     memory_release(ctx, file, 1, sizeof **file);
 }
 
-void chain_file_trust(struct chain_file *file)
+void chain_file_trust(struct chain_file *file, const struct chain_hold *hold)
 {
     file->is_own = true;
+    file->hold = hold;
 }
 
 const struct chain_info *chain_file_info(const struct chain_file *file)
@@ -198,13 +200,16 @@ enum status chain_block_read_counting(struct chain_file *file, uint32_t slab,
 
     unsigned char *raw;
     size_t size;
-    enum status status = read_part(file, what, place->block, place->sizes.block, &raw, &size);
-    if (status)
-        return status;
-    status = chain_block_decode(ctx, what, raw, size, slab, stride, block);
-    memory_release(ctx, &raw, size, 1);
-    if (status)
-        return status;
+    enum status status = STATUS_OK;
+    if (!file->hold || !chain_hold_give(file->hold, slab, block)) {
+        status = read_part(file, what, place->block, place->sizes.block, &raw, &size);
+        if (status)
+            return status;
+        status = chain_block_decode(ctx, what, raw, size, slab, stride, block);
+        memory_release(ctx, &raw, size, 1);
+        if (status)
+            return status;
+    }
 
     snprintf(what, sizeof what, "%.470s: seams of block %u", file->reader.file.path, slab);
     status = read_part(file, what, place->seams, place->sizes.seams, &raw, &size);
@@ -218,8 +223,22 @@ enum status chain_block_read_counting(struct chain_file *file, uint32_t slab,
         status = chain_loops_check(ctx, what, block, most_faces);
     }
     if (status)
-        chain_block_clear(ctx, stride, block);
+        chain_block_release(file, block);
     return status;
+}
+
+void chain_block_release(struct chain_file *file, struct chain_block *block)
+{
+    struct chain_block held;
+    if (file->hold && chain_hold_give(file->hold, block->slab, &held)) {
+        block->positions = NULL;
+        block->records = NULL;
+        block->seam_vertices = NULL;
+        block->chains = NULL;
+        block->patches = NULL;
+        block->diagonals = NULL;
+    }
+    chain_block_clear(file->ctx, file->info.attributes.stride, block);
 }
 
 enum status chain_block_read(struct chain_file *file, uint32_t slab, struct chain_block *block)

@@ -60,7 +60,7 @@ static enum status mark_seams(struct unfolding *unfolding)
             else
                 unfolding->on_seam[number >> 6] |= (uint64_t)1 << (number & 63);
         }
-        chain_block_clear(unfolding->ctx, unfolding->info->attributes.stride, &block);
+        chain_block_release(unfolding->file, &block);
         if (status != STATUS_OK)
             return status;
     }
@@ -201,7 +201,7 @@ static enum status give_all(void *user, const struct import_sink *sink)
         if (status != STATUS_OK)
             break;
         status = give_block(unfolding, &block);
-        chain_block_clear(unfolding->ctx, info->attributes.stride, &block);
+        chain_block_release(unfolding->file, &block);
     }
     return status;
 }

@@ -93,7 +93,7 @@ enum status chain_writer_block(struct chain_writer *writer, const unsigned char 
     if (writer->blocks == writer->slab_count || size > UINT32_MAX)
         return fail(writer->ctx, STATUS_INTERNAL, "a chain file gets more blocks than slabs");
     writer->sizes[writer->blocks++].block = (uint32_t)size;
-    return section_append(&writer->file, packed, size);
+    return size ? section_append(&writer->file, packed, size) : STATUS_OK;
 }
 
 /* Ends the blocks and begins the seams, once all blocks are there. */

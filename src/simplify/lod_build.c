@@ -53,7 +53,7 @@ enum status lod_build(struct context *ctx, const char *chain_path,
     if (status != STATUS_OK)
         return status;
     if (options->is_own_file)
-        chain_file_trust(file);
+        chain_file_trust(file, options->hold);
     const struct chain_info *info = chain_file_info(file);
     status = lod_target_levels(ctx, &options->target, info, report);
     if (status == STATUS_OK)

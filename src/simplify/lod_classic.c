@@ -187,6 +187,7 @@ enum status lod_classic(struct context *ctx, struct chain_file *file,
                     "mode classic keeps input vertices where they are: --place optimal needs "
                     "--mode collapse");
     enum status status = chain_graph_open(ctx, file, options->output, &classic.graph);
+    chain_hold_clear(options->hold);
     if (status != STATUS_OK)
         return status;
     status = lod_sequence_begin(&classic.graph, &cost, &classic.sequence);

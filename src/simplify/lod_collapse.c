@@ -152,7 +152,7 @@ static enum status make_leaf(void *user, uint64_t job, unsigned worker)
                               lod->collapse.subset ? 0 : GIVEN_BACK, &lod->nodes[job]);
     lod->weights[job] = block.patch_count;
     lod->built[job] = lod->nodes[job].triangles.face_count;
-    chain_block_clear(lod->ctx, lod->stride, &block);
+    chain_block_release(lod->file, &block);
     return status == STATUS_OK ? thin_node(lod, (uint32_t)job) : status;
 }
 
@@ -301,6 +301,7 @@ static enum status find_trunk(struct lod *lod, struct trunk *trunk)
 static enum status make_root(struct lod *lod, struct trunk *trunk)
 {
     enum status status = make_leaves(lod);
+    chain_hold_clear(lod->options->hold);
     if (status == STATUS_OK)
         status = join_nodes(lod);
     trunk->lost = lod->lost;

@@ -38,6 +38,7 @@ struct patch_request {
     int level;             /* compression; 0 for a file that lives for one run */
     bool sync;
     bool is_own_store;     /* store_trust */
+    struct chain_hold *hold; /* for what blocks its limits allow; NULL: all go into the file */
 };
 
 /* Fills in what the user left open: deterministic, from the store's info alone. */
@@ -77,6 +78,7 @@ struct lod_options {
     const char *output;           /* a name; with several levels it holds %d (0 is the finest) */
     struct export_options export;
     bool is_own_file; /* chain_file_trust */
+    struct chain_hold *hold; /* of the blocks that are not in the file, or NULL; it is used up */
     bool keeps_trunk; /* the chain file is written again, with what makes a further level cheap
                          (chain_trunk.h), if it can */
     bool syncs_trunk;
