@@ -6,8 +6,9 @@
 #include <stdlib.h>
 
 #include "api_internal.h"
-#include "base/memory.h"
 #include "base/file.h"
+#include "base/memory.h"
+#include "base/parallel.h"
 #include "mesh/export.h"
 
 _Static_assert((int)SPBM_OK == STATUS_OK && (int)SPBM_BAD_INPUT == STATUS_BAD_INPUT &&
@@ -159,11 +160,13 @@ struct context *call_begin(spbm_job *job)
     failure_forget(&job->ctx);
     budget_begin(&job->ctx, job_memory(job), job->settings.threads);
     memory_keep_spares(&job->ctx, true);
+    parallel_keep_threads(&job->ctx, true);
     return &job->ctx;
 }
 
 spbm_status call_end(spbm_job *job, enum status status)
 {
+    parallel_keep_threads(&job->ctx, false);
     memory_keep_spares(&job->ctx, false);
     if (status == STATUS_OK)
         job->ctx.error[0] = '\0';

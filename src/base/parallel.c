@@ -6,9 +6,11 @@
  * belong to the job's number, and where their order matters (a file written front to back) `finish`
  * is called in that order, by whichever thread finds the next one done, while the others work on.
  *
- * Threads are created per call: a call is a stage or a batch of slabs, against which the creation
- * of a thread (some 20 microseconds) is nothing. The caller's thread is worker 0. Where the system
- * refuses a thread, fewer do the same.
+ * A thread that is created for each call costs 20 microseconds, and 100 before it runs; where other
+ * processes are at work it may be milliseconds, and its end is waited for though it did nothing. To
+ * a stage that is nothing, but the sweeps of a small mesh are shorter. So a *crew* of threads
+ * sleeps between two calls, and nobody waits for a thread that has not come before the work was
+ * done. The caller's thread is worker 0. Where the system refuses a thread, fewer do the same.
  */
 #include "base/parallel.h"
 
@@ -43,10 +45,18 @@ struct team {
     uint64_t failed_job; /* lowest job that failed; its status is the one returned */
 };
 
-struct member {
-    struct team *team;
-    pthread_t thread;
-    unsigned worker;
+/* Threads that wait for a team to work in. */
+struct crew {
+    pthread_mutex_t lock;
+    pthread_cond_t called; /* a team wants members, or it is the end */
+    pthread_cond_t left;   /* nobody is at work any more */
+    struct team *team;     /* that may be joined while it wants members */
+    unsigned wanted;
+    unsigned joined; /* so far, the caller counted: the next one's number */
+    unsigned at_work;
+    bool is_ending;
+    unsigned most, count; /* of threads */
+    pthread_t threads[];
 };
 
 /* The lock is held. */
@@ -126,55 +136,136 @@ static void run(struct team *team, unsigned worker)
         run_loop(team, worker);
 }
 
-static void *begin_member(void *argument)
-{
-    struct member *member = argument;
-    run(member->team, member->worker);
-    return NULL;
-}
-
 /* Signals are the business of the caller's thread, but for those that a fault of the thread's own
  * raises. */
 bool thread_begin(pthread_t *thread, void *(*main_of)(void *argument), void *argument)
 {
+    pthread_attr_t attributes;
     sigset_t blocked, before;
+    if (pthread_attr_init(&attributes) != 0)
+        return false;
+    (void)pthread_attr_setstacksize(&attributes, STACK_BYTES);
     sigfillset(&blocked);
     sigdelset(&blocked, SIGSEGV);
     sigdelset(&blocked, SIGBUS);
     sigdelset(&blocked, SIGFPE);
     sigdelset(&blocked, SIGILL);
     pthread_sigmask(SIG_SETMASK, &blocked, &before);
-    int error = pthread_create(thread, NULL, main_of, argument);
+    int error = pthread_create(thread, &attributes, main_of, argument);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
+    pthread_attr_destroy(&attributes);
     return error == 0;
 }
 
-/* Runs the team on up to `threads` threads and waits for all of them. */
+/* ---- the crew ---- */
+
+static void *serve(void *argument)
+{
+    struct crew *crew = argument;
+    pthread_mutex_lock(&crew->lock);
+    while (!crew->is_ending) {
+        if (crew->wanted == 0) {
+            pthread_cond_wait(&crew->called, &crew->lock);
+            continue;
+        }
+        struct team *team = crew->team;
+        const unsigned worker = crew->joined++;
+        crew->wanted--;
+        crew->at_work++;
+        pthread_mutex_unlock(&crew->lock);
+        run(team, worker);
+        pthread_mutex_lock(&crew->lock);
+        if (--crew->at_work == 0)
+            pthread_cond_signal(&crew->left);
+    }
+    pthread_mutex_unlock(&crew->lock);
+    return NULL;
+}
+
+static size_t crew_bytes(unsigned most)
+{
+    const struct crew *crew = NULL;
+    return sizeof *crew + most * sizeof *crew->threads;
+}
+
+static void crew_end(struct context *ctx, struct crew *crew)
+{
+    if (!crew)
+        return;
+    pthread_mutex_lock(&crew->lock);
+    crew->is_ending = true;
+    pthread_cond_broadcast(&crew->called);
+    pthread_mutex_unlock(&crew->lock);
+    for (unsigned i = 0; i < crew->count; i++)
+        pthread_join(crew->threads[i], NULL);
+    pthread_cond_destroy(&crew->left);
+    pthread_cond_destroy(&crew->called);
+    pthread_mutex_destroy(&crew->lock);
+    memory_release(ctx, &crew, 1, crew_bytes(crew->most));
+}
+
+/* The one that is kept, if nobody has it, or one without threads. */
+static enum status crew_get(struct context *ctx, unsigned most, struct crew **out)
+{
+    *out = atomic_exchange(&ctx->crew, NULL);
+    if (*out && (*out)->most >= most)
+        return STATUS_OK;
+    crew_end(ctx, *out);
+    enum status status = memory_take_zeroed(ctx, 1, crew_bytes(most), out);
+    if (status != STATUS_OK)
+        return status;
+    (*out)->most = most;
+    pthread_mutex_init(&(*out)->lock, NULL);
+    pthread_cond_init(&(*out)->called, NULL);
+    pthread_cond_init(&(*out)->left, NULL);
+    return STATUS_OK;
+}
+
+static void crew_give_back(struct context *ctx, struct crew *crew)
+{
+    struct crew *none = NULL;
+    if (!ctx->keeps_threads || !atomic_compare_exchange_strong(&ctx->crew, &none, crew))
+        crew_end(ctx, crew);
+}
+
+void parallel_keep_threads(struct context *ctx, bool keep)
+{
+    ctx->keeps_threads = keep;
+    if (!keep)
+        crew_end(ctx, atomic_exchange(&ctx->crew, NULL));
+}
+
+/* Runs the team on up to `threads` threads and waits for all that have joined it. */
 static enum status run_team(struct team *team, unsigned threads)
 {
-    struct context *ctx = team->ctx;
-    struct member *members = NULL;
-    enum status status = memory_take(ctx, threads, sizeof *members, &members);
+    struct crew *crew;
+    enum status status = crew_get(team->ctx, team->ctx->threads, &crew);
     if (status != STATUS_OK)
         return status;
     pthread_mutex_init(&team->lock, NULL);
     pthread_cond_init(&team->changed, NULL);
 
-    unsigned created = 1;
-    for (; created < threads; created++) {
-        struct member *member = &members[created];
-        member->team = team;
-        member->worker = created;
-        if (!thread_begin(&member->thread, begin_member, member))
-            break;
-    }
+    pthread_mutex_lock(&crew->lock);
+    crew->team = team;
+    crew->wanted = threads - 1;
+    crew->joined = 1;
+    const unsigned asleep = crew->count;
+    for (unsigned i = 0; i < asleep && i < crew->wanted; i++)
+        pthread_cond_signal(&crew->called);
+    pthread_mutex_unlock(&crew->lock);
+    while (crew->count < threads - 1 && thread_begin(&crew->threads[crew->count], serve, crew))
+        crew->count++;
 
     run(team, 0);
-    for (unsigned i = 1; i < created; i++)
-        pthread_join(members[i].thread, NULL);
+    pthread_mutex_lock(&crew->lock);
+    crew->wanted = 0;
+    while (crew->at_work > 0)
+        pthread_cond_wait(&crew->left, &crew->lock);
+    crew->team = NULL;
+    pthread_mutex_unlock(&crew->lock);
     pthread_cond_destroy(&team->changed);
     pthread_mutex_destroy(&team->lock);
-    memory_release(ctx, &members, threads, sizeof *members);
+    crew_give_back(team->ctx, crew);
     return team->failed;
 }
 

@@ -12,6 +12,10 @@
 /* A thread of its own, which takes no signals; to be joined. False when the system refuses it. */
 bool thread_begin(pthread_t *thread, void *(*main_of)(void *argument), void *argument);
 
+/* Whether threads are kept from one call to the next, so that they need not be created again: off
+ * at first; off again, they end. No worker may be at work. */
+void parallel_keep_threads(struct context *ctx, bool keep);
+
 /* Calls work(user, job, worker) for every job in [0, jobs), from up to ctx->threads threads
  * (worker is their number, below ctx->threads); the first failure stops the handing out of further
  * jobs, as does a caller that wants to cancel. Returns when no thread is at work any more. With one

@@ -22,6 +22,7 @@ void context_init(struct context *ctx)
     atomic_init(&ctx->memory_now, 0);
     atomic_init(&ctx->memory_peak, 0);
     atomic_init(&ctx->fault_after, UINT64_MAX);
+    atomic_init(&ctx->crew, NULL);
     ctx->failed = STATUS_OK;
     spare_maps_init(&ctx->spares);
     pthread_mutex_init(&ctx->lock, NULL);

@@ -17,6 +17,8 @@
 #include "spare_maps.h"
 #include "status.h"
 
+struct crew;
+
 enum message_level { MESSAGE_NOTE, MESSAGE_WARNING };
 
 struct context {
@@ -42,6 +44,10 @@ struct context {
                                      one fails; UINT64_MAX (the default): none fails */
     bool fault_kills; /* for tests, set before the job: only system calls count, and the one that is
                          due is the process's last: SIGKILL comes in its place */
+
+    /* Written by parallel.c. */
+    bool keeps_threads;
+    _Atomic(struct crew *) crew; /* threads that sleep; NULL: none, or they are at work */
 
     /* Written by fail(): the first failure stays. */
     pthread_mutex_t lock;

@@ -147,13 +147,139 @@ static void no_memory_is_said(void **state)
     }
 }
 
+/* ---- threads that are kept ---- */
+
+enum { THREADS_MAX = 8, CALLS = 200 };
+
+struct roll {
+    struct context *ctx;
+    _Atomic pid_t names[THREADS_MAX + 1]; /* of threads that have been at work; 0: free */
+    _Atomic unsigned jobs, wrong;
+};
+
+static void sign(struct roll *roll)
+{
+    const pid_t name = gettid();
+    for (int i = 0; i <= THREADS_MAX; i++) {
+        pid_t there = 0;
+        if (atomic_compare_exchange_strong(&roll->names[i], &there, name) || there == name)
+            return;
+    }
+    roll->wrong++;
+}
+
+static enum status small_job(void *user, uint64_t job, unsigned worker)
+{
+    struct roll *roll = user;
+    (void)job;
+    (void)worker;
+    roll->jobs++;
+    return STATUS_OK;
+}
+
+static enum status signed_job(void *user, uint64_t job, unsigned worker)
+{
+    struct roll *roll = user;
+    if (worker >= roll->ctx->threads)
+        roll->wrong++;
+    sign(roll);
+    spin(job);
+    roll->jobs++;
+    return STATUS_OK;
+}
+
+static enum status signed_finish(void *user, uint64_t job)
+{
+    (void)job;
+    sign(user);
+    return STATUS_OK;
+}
+
+static enum status job_of_jobs(void *user, uint64_t job, unsigned worker)
+{
+    struct roll *roll = user;
+    (void)job;
+    (void)worker;
+    return parallel_for(roll->ctx, 5, small_job, roll);
+}
+
+static void kept_threads_are_the_same(void **state)
+{
+    (void)state;
+    for (unsigned threads = 1; threads <= THREADS_MAX; threads++) {
+        struct context ctx;
+        context_init(&ctx);
+        ctx.threads = threads;
+        struct roll roll = {.ctx = &ctx};
+        parallel_keep_threads(&ctx, true);
+        for (unsigned call = 0; call < CALLS; call++) {
+            assert_int_equal(parallel_for(&ctx, 1 + call % 11, signed_job, &roll), STATUS_OK);
+            assert_int_equal(
+                parallel_ordered(&ctx, 1 + call % 7, 3, signed_job, signed_finish, &roll),
+                STATUS_OK);
+        }
+        unsigned names = 0, jobs = 0;
+        for (unsigned call = 0; call < CALLS; call++)
+            jobs += 1 + call % 11 + 1 + call % 7;
+        for (int i = 0; i <= THREADS_MAX; i++)
+            names += roll.names[i] != 0;
+        assert_int_equal(roll.jobs, jobs);
+        assert_int_equal(roll.wrong, 0);
+        assert_in_range(names, 1, threads);
+        parallel_keep_threads(&ctx, false);
+        assert_int_equal(ctx.memory_now, 0);
+        context_clear(&ctx);
+    }
+}
+
+/* A job may ask for threads while all that are kept are at work. */
+static void jobs_have_jobs(void **state)
+{
+    (void)state;
+    for (unsigned threads = 1; threads <= 4; threads++)
+        for (int keep = 0; keep <= 1; keep++) {
+            struct context ctx;
+            context_init(&ctx);
+            ctx.threads = threads;
+            struct roll roll = {.ctx = &ctx};
+            parallel_keep_threads(&ctx, keep != 0);
+            for (int call = 0; call < 20; call++)
+                assert_int_equal(parallel_for(&ctx, 10, job_of_jobs, &roll), STATUS_OK);
+            assert_int_equal(roll.jobs, 20 * 10 * 5);
+            parallel_keep_threads(&ctx, false);
+            assert_int_equal(ctx.memory_now, 0);
+            context_clear(&ctx);
+        }
+}
+
+/* After a failure the same threads do the next call. */
+static void failures_leave_threads(void **state)
+{
+    (void)state;
+    struct context ctx;
+    context_init(&ctx);
+    ctx.threads = 3;
+    parallel_keep_threads(&ctx, true);
+    for (int call = 0; call < 50; call++) {
+        struct board *board = new_board(3);
+        board->fail_at = call % 2 ? 10 : UINT64_MAX;
+        assert_int_equal(parallel_ordered(&ctx, 100, 0, work, finish, board),
+                         call % 2 ? STATUS_BAD_INPUT : STATUS_OK);
+        assert_int_equal(board->wrong, 0);
+        free(board);
+    }
+    parallel_keep_threads(&ctx, false);
+    assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_job_runs_once),
-        cmocka_unit_test(results_come_in_order),
-        cmocka_unit_test(a_failure_stops_the_loop),
-        cmocka_unit_test(no_memory_is_said),
+        cmocka_unit_test(every_job_runs_once),       cmocka_unit_test(results_come_in_order),
+        cmocka_unit_test(a_failure_stops_the_loop),  cmocka_unit_test(no_memory_is_said),
+        cmocka_unit_test(kept_threads_are_the_same), cmocka_unit_test(jobs_have_jobs),
+        cmocka_unit_test(failures_leave_threads),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
