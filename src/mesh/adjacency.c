@@ -1,12 +1,7 @@
 /*
  * Finding the two faces of each edge.
  *
- * The naive way is a hash map over all edges; it then dominates everything. Here a slab at a time
- * is matched in arrays that stay in the cache: each edge is filed under its lower vertex in a list
- * of the edges met so far, which holds about three entries, and the second face to come finds the
- * first. Lists can be long (the apex of a large fan, or more faces than vertices), so the steps
- * along them are counted, and a slab that takes too many is matched anew by sorting each vertex's
- * edges.
+ * A slab at a time is matched in arrays that stay in the cache (slab_match.h).
  *
  * An edge can have faces in several slabs only if both its ends are shared between slabs. All sides
  * of such edges, some per cent of all, are sorted by their ends, and what stands together is
@@ -20,30 +15,7 @@
 #include "base/external_sort.h"
 #include "base/memory.h"
 #include "base/parallel.h"
-#include "base/radix_sort.h"
-
-#define CROWDED (UINT32_MAX - 1) /* in neighbours[] of a slab in work: more than two faces */
-
-/* List steps an edge before a slab is matched by sorting; scans take 1 or 2. */
-enum { STEP_LIMIT = 12 };
-
-struct filed_edge {
-    uint32_t other;  /* the end it is not filed under */
-    uint32_t corner; /* face of the slab << 2 | edge */
-    uint32_t next;   /* in the list; NO_INDEX ends it */
-};
-
-struct matcher { /* one a worker */
-    struct slab_scope scope;
-    uint32_t *head; /* a list for each local vertex */
-    size_t head_capacity;
-    uint64_t *sides; /* sorted: the end that is not filed under, above its corner */
-    size_t side_capacity;
-    uint64_t *scratch;
-    size_t scratch_capacity;
-    struct filed_edge *filed;
-    size_t filed_capacity;
-};
+#include "mesh/slab_match.h"
 
 struct found { /* what a slab hands on */
     struct edge_record *joint;
@@ -59,7 +31,7 @@ struct build {
     struct draft *draft;
     struct adjacency *result;
     uint64_t crossing_limit;
-    struct matcher *matchers;
+    struct slab_matcher *matchers; /* one a worker */
     struct found *found;
     unsigned in_flight;
     struct sorter *joint;
@@ -70,167 +42,6 @@ struct build {
 };
 
 /* ---- a slab ---- */
-
-struct slab_edges { /* the slab in work, for the inner loops */
-    const uint32_t *faces;
-    uint32_t *neighbours;
-    uint8_t *mates;
-    uint32_t face_first;
-};
-
-/* A third face at the edge that `there` is of: all its faces are refused. */
-static void refuse(const struct slab_edges *s, uint32_t f, unsigned k, uint32_t *there)
-{
-    if (*there == CROWDED)
-        return;
-    uint32_t partner = *there - s->face_first;
-    s->neighbours[3 * (size_t)partner + mate_of(s->mates, f, k)] = CROWDED;
-    *there = CROWDED;
-}
-
-/* Edges that are linked to nothing have mate 0. */
-static inline void link_or_refuse(const struct slab_edges *s, uint32_t earlier, uint32_t corner)
-{
-    uint32_t f = earlier >> 2, g = corner >> 2;
-    unsigned k = earlier & 3, m = corner & 3;
-    uint32_t *there = &s->neighbours[3 * (size_t)f + k];
-    uint32_t *here = &s->neighbours[3 * (size_t)g + m];
-    if (*there != NO_INDEX) {
-        *here = CROWDED;
-        refuse(s, f, k, there);
-        return;
-    }
-    *there = s->face_first + g;
-    *here = s->face_first + f;
-    s->mates[f] = (uint8_t)(s->mates[f] | m << 2 * k);
-    s->mates[g] = (uint8_t)(s->mates[g] | k << 2 * m);
-}
-
-/* Files the edges of all faces under their lower vertex and matches each with the one filed before;
- * given up, and !*is_done, after too many steps. */
-static enum status match_edges(const struct slab_edges *s, struct matcher *m, bool *is_done)
-{
-    const struct slab_scope *scope = &m->scope;
-    const uint64_t limit = (uint64_t)STEP_LIMIT * 3 * scope->face_count;
-    struct filed_edge *filed = m->filed;
-    *is_done = false;
-    uint32_t *head = m->head;
-    uint32_t filed_count = 0;
-    uint64_t steps = 0;
-    memset(head, 0xff, (size_t)scope_local_count(scope) * sizeof *head);
-    memset(s->neighbours, 0xff, 3 * (size_t)scope->face_count * sizeof *s->neighbours);
-    memset(s->mates, 0, scope->face_count);
-    for (uint32_t f = 0; f < scope->face_count; f++) {
-        const uint32_t *face = s->faces + 3 * (size_t)f;
-        uint32_t local[3];
-        if (filed_count + 3 > m->filed_capacity) {
-            enum status status = memory_reserve(scope->ctx, &m->filed, &m->filed_capacity,
-                                                (size_t)filed_count + 3, sizeof *m->filed);
-            if (status != STATUS_OK)
-                return status;
-            filed = m->filed;
-        }
-        for (unsigned k = 0; k < 3; k++)
-            local[k] = scope_local(scope, face[k]);
-        for (unsigned k = 0; k < 3; k++) {
-            unsigned n = next3(k);
-            bool under_first = local[k] < local[n];
-            uint32_t under = under_first ? local[k] : local[n];
-            uint32_t other = under_first ? face[n] : face[k];
-            uint32_t e = head[under];
-            while (e != NO_INDEX && filed[e].other != other) {
-                e = filed[e].next;
-                steps++;
-            }
-            if (e != NO_INDEX) {
-                link_or_refuse(s, filed[e].corner, f << 2 | k);
-            } else {
-                filed[filed_count] = (struct filed_edge){other, f << 2 | k, head[under]};
-                head[under] = filed_count++;
-            }
-        }
-        if (steps > limit)
-            return STATUS_OK;
-    }
-    *is_done = true;
-    return STATUS_OK;
-}
-
-/* Files all sides under the lower of their ends: those of local vertex v are [end of v - 1, end of
- * v) of m->sides, the ends being m->head. */
-static void file_sides(const struct slab_edges *s, struct matcher *m)
-{
-    const struct slab_scope *scope = &m->scope;
-    const uint32_t locals = scope_local_count(scope);
-    uint32_t *end = m->head;
-    for (int pass = 0; pass < 2; pass++) {
-        if (pass == 0)
-            memset(end, 0, (size_t)locals * sizeof *end);
-        for (uint32_t f = 0; f < scope->face_count; f++) {
-            const uint32_t *face = s->faces + 3 * (size_t)f;
-            uint32_t local[3];
-            for (unsigned k = 0; k < 3; k++)
-                local[k] = scope_local(scope, face[k]);
-            for (unsigned k = 0; k < 3; k++) {
-                unsigned n = next3(k), under = local[k] < local[n] ? k : n;
-                uint32_t other = face[under == k ? n : k];
-                if (pass == 1)
-                    m->sides[end[local[under]]] = (uint64_t)other << 32 | f << 2 | k;
-                end[local[under]]++;
-            }
-        }
-        uint32_t begin = 0; /* counts become begins, which filling turns into ends */
-        for (uint32_t v = 0; v < locals && pass == 0; v++) {
-            uint32_t count = end[v];
-            end[v] = begin;
-            begin += count;
-        }
-    }
-}
-
-/* Sides with both ends in common: two are joined, of more all are refused. */
-static void match_group(const struct slab_edges *s, const uint64_t *sides, size_t count)
-{
-    for (size_t i = 0; i < count && count > 2; i++) {
-        uint32_t corner = (uint32_t)sides[i];
-        s->neighbours[3 * (size_t)(corner >> 2) + (corner & 3)] = CROWDED;
-    }
-    if (count == 2)
-        link_or_refuse(s, (uint32_t)sides[0], (uint32_t)sides[1]);
-}
-
-static enum status match_by_sorting(const struct slab_edges *s, struct matcher *m)
-{
-    const struct slab_scope *scope = &m->scope;
-    const size_t count = 3 * (size_t)scope->face_count;
-    enum status status =
-        memory_reserve(scope->ctx, &m->sides, &m->side_capacity, count, sizeof *m->sides);
-    if (status == STATUS_OK)
-        status = memory_reserve(scope->ctx, &m->scratch, &m->scratch_capacity, count,
-                                sizeof *m->scratch);
-    if (status != STATUS_OK)
-        return status;
-    memset(s->neighbours, 0xff, count * sizeof *s->neighbours);
-    memset(s->mates, 0, scope->face_count);
-    file_sides(s, m);
-    for (uint32_t v = 0, begin = 0; v < scope_local_count(scope) && status == STATUS_OK; v++) {
-        const uint32_t size = m->head[v] - begin;
-        unsigned char *bytes;
-        status =
-            radix_sort(scope->ctx, (unsigned char *)(m->sides + begin),
-                       (unsigned char *)(m->scratch + begin), size, sizeof *m->sides, 1, &bytes);
-        const uint64_t *sorted =
-            bytes == (unsigned char *)(m->sides + begin) ? m->sides + begin : m->scratch + begin;
-        for (uint32_t i = 0, group = 0; i < size && status == STATUS_OK; i++) {
-            if (i + 1 < size && sorted[i + 1] >> 32 == sorted[i] >> 32)
-                continue;
-            match_group(s, sorted + group, i + 1 - group);
-            group = i + 1;
-        }
-        begin = m->head[v];
-    }
-    return status;
-}
 
 static enum status append_edge(struct context *ctx, struct edge_record **list, size_t *count,
                                size_t *capacity, struct edge_record record)
@@ -250,30 +61,34 @@ static struct edge_record make_record(uint32_t a, uint32_t b, uint32_t face, uns
     return (struct edge_record){key, face, edge};
 }
 
-/* Sorts out what the slab alone can't settle: edges for the join, edges to be opened, twins. */
-static enum status collect(const struct build *build, const struct slab_edges *s,
-                           uint32_t face_count, struct found *found)
+/* Sorts out what the slab alone can't settle: edges for the join, edges to be opened, twins. Where
+ * it is plain, there are only edges for the join. */
+static enum status collect(const struct build *build, const struct slab_scope *scope, bool is_plain,
+                           struct found *found)
 {
     const struct draft *draft = build->draft;
+    const uint32_t first = scope->face_first, end = first + scope->face_count;
     enum status status = STATUS_OK;
-    for (uint32_t f = 0; f < face_count && found->crossing <= build->crossing_limit; f++) {
-        const uint32_t *face = s->faces + 3 * (size_t)f;
-        uint32_t *over = s->neighbours + 3 * (size_t)f;
-        if (over[0] == over[1] && over[1] == over[2] && over[0] < s->face_first + f) {
-            status = memory_reserve(draft->ctx, &found->twins, &found->twin_capacity,
-                                    found->twin_count + 1, sizeof *found->twins);
-            if (status != STATUS_OK)
-                return status;
-            found->twins[found->twin_count++] = s->face_first + f;
-        }
+    for (uint32_t f = first; f < end && found->crossing <= build->crossing_limit; f++) {
+        const uint32_t *face = draft->faces + 3 * (size_t)f;
+        uint32_t *over = draft->neighbours + 3 * (size_t)f;
         unsigned shared = 0;
         for (unsigned k = 0; k < 3; k++)
             shared |= (unsigned)is_shared(draft, face[k]) << k;
         const bool is_usual = (shared & (shared - 1)) == 0;
+        if (is_usual && is_plain)
+            continue;
+        if (over[0] == over[1] && over[1] == over[2] && over[0] < f) {
+            status = memory_reserve(draft->ctx, &found->twins, &found->twin_capacity,
+                                    found->twin_count + 1, sizeof *found->twins);
+            if (status != STATUS_OK)
+                return status;
+            found->twins[found->twin_count++] = f;
+        }
         for (unsigned k = 0; k < 3; k++) {
             if (is_usual && over[k] != CROWDED)
                 continue;
-            struct edge_record record = make_record(face[k], face[next3(k)], s->face_first + f, k);
+            struct edge_record record = make_record(face[k], face[next3(k)], f, k);
             if (shared >> k & shared >> next3(k) & 1) {
                 if (over[k] == NO_INDEX)
                     found->crossing++;
@@ -285,57 +100,27 @@ static enum status collect(const struct build *build, const struct slab_edges *s
             }
             if (status != STATUS_OK)
                 return status;
-            if (over[k] == CROWDED) {
-                over[k] = NO_INDEX;
-                mate_set(s->mates, f, k, 0);
-            }
+            if (over[k] == CROWDED)
+                over[k] = NO_INDEX; /* its mate is 0 */
         }
     }
     return STATUS_OK;
-}
-
-/* Three edges for two faces, and some of borders; more if it takes them. */
-static enum status reserve_filed(struct matcher *m)
-{
-    const size_t faces = m->scope.face_count, count = faces / 2 * 3 + faces / 32 + 64;
-    if (m->filed_capacity >= count)
-        return STATUS_OK;
-    enum status status =
-        memory_resize(m->scope.ctx, &m->filed, m->filed_capacity, count, sizeof *m->filed);
-    if (status == STATUS_OK) {
-        m->filed_capacity = count;
-        memory_use_whole(m->filed, count, sizeof *m->filed);
-    }
-    return status;
 }
 
 static enum status match_slab(void *user, uint64_t job, unsigned worker)
 {
     struct build *build = user;
     struct draft *draft = build->draft;
-    struct matcher *m = &build->matchers[worker];
+    struct slab_matcher *m = &build->matchers[worker];
     struct found *found = &build->found[job % build->in_flight];
     found->joint_count = found->cut_count = found->twin_count = 0;
     found->crossing = 0;
-    enum status status = scope_enter(draft, (uint32_t)job, &m->scope);
-    if (status == STATUS_OK)
-        status = memory_reserve(draft->ctx, &m->head, &m->head_capacity,
-                                scope_local_count(&m->scope), sizeof *m->head);
-    if (status == STATUS_OK)
-        status = reserve_filed(m);
+    bool is_plain;
+    enum status status = slab_match(draft, (uint32_t)job, m, &is_plain);
     if (status != STATUS_OK)
         return status;
-    const uint32_t first = m->scope.face_first;
-    const struct slab_edges s = {draft->faces + 3 * (size_t)first,
-                                 draft->neighbours + 3 * (size_t)first, draft->mates + first,
-                                 first};
-    bool is_done;
-    status = match_edges(&s, m, &is_done);
-    if (status == STATUS_OK && !is_done)
-        status = match_by_sorting(&s, m);
-    if (status == STATUS_OK)
-        status = collect(build, &s, m->scope.face_count, found);
-    return status;
+    draft->is_plain[job] = is_plain;
+    return collect(build, &m->scope, is_plain, found);
 }
 
 static enum status add_twin(struct build *build, uint32_t face)
@@ -642,8 +427,10 @@ static enum status prepare(struct build *build)
     struct context *ctx = draft->ctx;
     spool_clear(&draft->neighbour_spool);
     spool_clear(&draft->mate_spool);
-    enum status status = room_scratch(&draft->room, &draft->neighbour_spool,
-                                      draft->face_count * 3 * sizeof(uint32_t), &draft->neighbours);
+    enum status status = draft_judge_slabs(draft);
+    if (status == STATUS_OK)
+        status = room_scratch(&draft->room, &draft->neighbour_spool,
+                              draft->face_count * 3 * sizeof(uint32_t), &draft->neighbours);
     if (status == STATUS_OK)
         status = room_scratch(&draft->room, &draft->mate_spool, draft->face_count, &draft->mates);
     if (status == STATUS_OK)
@@ -661,14 +448,8 @@ static enum status prepare(struct build *build)
 static void release(struct build *build)
 {
     struct context *ctx = build->draft->ctx;
-    for (unsigned i = 0; build->matchers && i < ctx->threads; i++) {
-        struct matcher *m = &build->matchers[i];
-        scope_clear(&m->scope);
-        memory_release(ctx, &m->head, m->head_capacity, sizeof *m->head);
-        memory_release(ctx, &m->sides, m->side_capacity, sizeof *m->sides);
-        memory_release(ctx, &m->scratch, m->scratch_capacity, sizeof *m->scratch);
-        memory_release(ctx, &m->filed, m->filed_capacity, sizeof *m->filed);
-    }
+    for (unsigned i = 0; build->matchers && i < ctx->threads; i++)
+        slab_matcher_clear(&build->matchers[i]);
     memory_release(ctx, &build->matchers, ctx->threads, sizeof *build->matchers);
     for (unsigned i = 0; build->found && i < build->in_flight; i++) {
         struct found *found = &build->found[i];

@@ -22,9 +22,21 @@ void draft_release_slabs(struct draft *draft)
 {
     draft_drop_seams(draft);
     memory_release(draft->ctx, &draft->vertex_first, (size_t)draft->slab_count + 1, 4);
+    memory_release(draft->ctx, &draft->is_plain, draft->plain_size, 1);
     memory_release(draft->ctx, &draft->shared, draft->shared_size, 1);
+    draft->plain_size = 0;
     draft->slab_count = 0;
     draft->shared_size = 0;
+}
+
+enum status draft_judge_slabs(struct draft *draft)
+{
+    memory_release(draft->ctx, &draft->is_plain, draft->plain_size, 1);
+    draft->plain_size = 0;
+    enum status status = memory_take_zeroed(draft->ctx, draft->slab_count, 1, &draft->is_plain);
+    if (status == STATUS_OK)
+        draft->plain_size = draft->slab_count;
+    return status;
 }
 
 void draft_forget_adjacency(struct draft *draft)

@@ -62,7 +62,9 @@ struct draft {
 
     uint32_t slab_count;
     uint32_t *vertex_first; /* slab_count + 1 */
-    bool has_box;           /* of all vertices, found when they were gathered */
+    bool *is_plain; /* a slab: see slab_match.h; none (NULL) when slabs have been cut anew */
+    size_t plain_size;
+    bool has_box; /* of all vertices, found when they were gathered */
     double box_low[3], box_high[3];
     uint64_t foreign_corners; /* corners whose vertex an earlier slab used first */
 };
@@ -165,6 +167,8 @@ struct sorter;
 enum status draft_drop_faces(struct draft *draft, struct sorter *sorter,
                              uint64_t *dropped) MUST_CHECK;
 
+/* Makes is_plain, all false. */
+enum status draft_judge_slabs(struct draft *draft) MUST_CHECK;
 void draft_forget_adjacency(struct draft *draft);
 void draft_release_slabs(struct draft *draft);
 

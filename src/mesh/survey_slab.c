@@ -8,6 +8,10 @@
  * component the two are joined. Walks begin in face order, so a component's first face is its
  * lowest. That leaves out which side faces show. Nearly always all of a slab's faces agree; where
  * a walk passes two that don't, the slab is surveyed again with components found beforehand.
+ *
+ * But where the matching has found a slab plain (slab_match.h), all fans but those at shared
+ * vertices are known to be single, and to walk round them would cost more than all the rest. There
+ * components are found by spreading from face to face, and only those fans are walked.
  */
 #include "mesh/survey_slab.h"
 
@@ -16,7 +20,7 @@
 #include "base/forest.h"
 #include "base/memory.h"
 
-enum { CORNER_BITS = 3 };
+enum { CORNER_BITS = 3, AHEAD = 12 };
 static const uint32_t no_component = UINT32_MAX >> CORNER_BITS;
 
 /* Room for one more element of a vector. */
@@ -95,7 +99,7 @@ static bool walk_fan(const struct draft *draft, struct surveyor *s, uint32_t f, 
     }
     s->is_turned |= turned;
     s->components.list[component].faces += faces;
-    if (!is_closed && !s->is_labelled)
+    if (!is_closed && s->finds_components)
         note_end(draft, s, component, end_face[0], end_edge[0]);
     return !is_closed;
 }
@@ -229,6 +233,7 @@ static enum status find_fans_in_labels(const struct draft *draft, struct surveyo
                                        struct part *part)
 {
     s->is_labelled = true;
+    s->finds_components = false;
     enum status status = components_find(draft, s->scope, &s->components);
     if (status == STATUS_OK)
         status = memory_reserve(draft->ctx, &s->joined, &s->joined_capacity, s->components.count,
@@ -242,6 +247,122 @@ static enum status find_fans_in_labels(const struct draft *draft, struct surveyo
     return find_fans(draft, s, part);
 }
 
+/* ---- a plain slab ---- */
+
+/* Edges over which the slab ends. */
+static void note_ends(struct component *component, const uint32_t *over, uint32_t face_first,
+                      uint32_t face_count)
+{
+    for (unsigned k = 0; k < 3; k++) {
+        if (over[k] == NO_INDEX)
+            component->borders++;
+        else if (over[k] - face_first >= face_count)
+            component->open_id = 0;
+    }
+}
+
+/* All faces that hang together with face i, which is in no component, become one. What is reached
+ * is put down and counted only if it is new, so that nothing has to be guessed. */
+static enum status spread(const struct draft *draft, struct surveyor *s, uint32_t i)
+{
+    const uint32_t first = s->scope->face_first, count = s->scope->face_count;
+    const uint32_t number = s->components.count, mark = number << CORNER_BITS;
+    const uint32_t *neighbours = draft->neighbours + 3 * (size_t)first;
+    uint32_t *marks = s->marks, *queue = s->queue;
+    uint32_t head = 0, tail = 1;
+    enum status status = begin_component(s, i);
+    if (status != STATUS_OK)
+        return status;
+    struct component *component = &s->components.list[number];
+    queue[0] = i;
+    for (; head < tail; head++) {
+        const uint32_t *over = neighbours + 3 * (size_t)queue[head];
+        if (head + AHEAD < tail)
+            __builtin_prefetch(neighbours + 3 * (size_t)queue[head + AHEAD]);
+        bool ends = false;
+        for (unsigned k = 0; k < 3; k++) {
+            const uint32_t there = over[k] - first;
+            if (there >= count) {
+                ends = true;
+                continue;
+            }
+            queue[tail] = there;
+            tail += marks[there] >> CORNER_BITS == no_component;
+            marks[there] = mark;
+        }
+        if (ends)
+            note_ends(component, over, first, count);
+    }
+    component->faces = tail;
+    return STATUS_OK;
+}
+
+static enum status find_components(const struct draft *draft, struct surveyor *s)
+{
+    enum status status = memory_reserve(draft->ctx, &s->queue, &s->queue_capacity,
+                                        (size_t)s->scope->face_count + 1, sizeof *s->queue);
+    for (uint32_t i = 0; i < s->scope->face_count && status == STATUS_OK; i++)
+        if (s->marks[i] >> CORNER_BITS == no_component)
+            status = spread(draft, s, i);
+    return status;
+}
+
+/* The fans at shared vertices, in the order of their first corners. */
+static enum status walk_shared(const struct draft *draft, struct surveyor *s, struct part *part)
+{
+    const uint32_t first = s->scope->face_first;
+    const uint32_t *face = draft->faces + 3 * (size_t)first;
+    enum status status = STATUS_OK;
+    for (uint32_t i = 0; i < s->scope->face_count && status == STATUS_OK; i++, face += 3) {
+        unsigned shared = 0;
+        for (unsigned k = 0; k < 3; k++)
+            shared |= (unsigned)is_shared(draft, face[k]) << k;
+        for (unsigned left = shared & ~s->marks[i]; left && status == STATUS_OK; left &= left - 1) {
+            const unsigned k = (unsigned)__builtin_ctz(left);
+            status = add_rim_fan(draft, s, part, face[k], first + i, k);
+        }
+    }
+    return status;
+}
+
+/* Vertices by the face that uses them first. */
+static void count_vertices(const struct draft *draft, struct surveyor *s)
+{
+    const struct slab_scope *scope = s->scope;
+    struct component *list = s->components.list;
+    const uint32_t *face = draft->faces + 3 * (size_t)scope->face_first;
+    if (s->components.count == 1) {
+        list->vertices = scope->own_count;
+        return;
+    }
+    for (uint32_t i = 0, next = scope->vertex_first; i < scope->face_count; i++, face += 3) {
+        const uint32_t before = next;
+        for (unsigned k = 0; k < 3; k++)
+            next += face[k] == next;
+        list[s->marks[i] >> CORNER_BITS].vertices += next - before;
+    }
+}
+
+static enum status walk_rims(const struct draft *draft, struct surveyor *s, struct part *part)
+{
+    const struct slab_scope *scope = s->scope;
+    s->finds_components = false;
+    part->fan_count = part->rim_count = part->link_count = 0;
+    part->shared_vertices = 0;
+    for (uint32_t i = 0; i < scope->own_count; i++)
+        part->shared_vertices += is_shared(draft, scope->vertex_first + i);
+    enum status status = find_components(draft, s);
+    if (status == STATUS_OK)
+        status = walk_shared(draft, s, part);
+    if (status == STATUS_OK) {
+        count_vertices(draft, s);
+        settle_components(s, part);
+    }
+    return status;
+}
+
+/* ---- all ---- */
+
 /* Fans and components. */
 static enum status walk_all(const struct draft *draft, struct surveyor *s, struct part *part)
 {
@@ -252,6 +373,9 @@ static enum status walk_all(const struct draft *draft, struct surveyor *s, struc
     s->components.count = 0;
     for (uint32_t i = 0; i < s->scope->face_count; i++)
         s->marks[i] = no_component << CORNER_BITS;
+    if (draft->is_plain && draft->is_plain[s->scope->face_first >> draft->slab_shift])
+        return walk_rims(draft, s, part);
+    s->finds_components = true;
     status = find_fans(draft, s, part);
     if (status == STATUS_OK && s->is_turned)
         status = find_fans_in_labels(draft, s, part);
@@ -398,6 +522,7 @@ void surveyor_clear(struct context *ctx, struct surveyor *s)
 {
     components_clear(&s->components);
     memory_release(ctx, &s->marks, s->mark_capacity, sizeof *s->marks);
+    memory_release(ctx, &s->queue, s->queue_capacity, sizeof *s->queue);
     memory_release(ctx, &s->joined, s->joined_capacity, sizeof *s->joined);
     memory_release(ctx, &s->seen, s->seen_capacity, 1);
     memory_release(ctx, &s->borders, s->border_capacity, sizeof *s->borders);

@@ -39,13 +39,16 @@ struct border_edge { /* in local vertex numbers */
 struct surveyor {                   /* one a worker */
     const struct slab_scope *scope; /* of the slab in work */
     struct components components;   /* its labels only where is_labelled */
-    bool is_labelled;               /* the components were found before the fans */
+    bool is_labelled;               /* the components were found before the fans, with parities; */
+    bool finds_components;          /* or are found by the walks */
     bool is_turned;                 /* a fan has passed faces that run along an edge alike */
     uint32_t *marks; /* a face: its component << 3 | a bit for each corner that a walk has passed */
     size_t mark_capacity;
     uint32_t *joined; /* a component: the earlier one that it is part of, or itself; in the end its
                          place in the list */
     size_t joined_capacity;
+    uint32_t *queue; /* faces that a component spreads from */
+    size_t queue_capacity;
     uint8_t *seen; /* the own vertices that have had a fan */
     size_t seen_capacity;
     struct border_edge *borders;
