@@ -12,9 +12,7 @@
  *   stays: of the corners in it, the one farthest from the diagonal is not convex, so that it is
  * not cut. So the heap's top is the best ear there is at any time.
  * - The blocking corners are found in a point_tree (or by a plain loop while n is small).
- * - A simple loop of few corners, which is what patches give, needs no heap: the best ear is found
- *   by looking at all keys. What is no ear is never compared there: as soon as none is left, the
- *   rest is given back.
+ * - Simple loops of few corners need none of this: ear_few.c.
  *
  * In a simple loop a proper ear is always left (two-ears theorem; an ear without area is never
  * proper, and a rest with area always has another). In other loops, corners far above or below the
@@ -29,18 +27,17 @@
 #include <math.h>
 #include <string.h>
 
+#include "geom/ear_few.h"
 #include "geom/point_tree.h"
 
 enum { LOOP_SEARCH_MAX = 48 }; /* corners up to which blocking ones are searched by a plain loop */
-
-enum { HEAPLESS_MAX = 24 }; /* corners up to which the best is searched by one */
 
 enum kind { KIND_EAR, KIND_BLOCKED, KIND_REFLEX, KIND_FLAT, KIND_FORBIDDEN };
 
 struct clipper {
     const struct ear_input *input;
     const struct grid_point *points;
-    bool is_simple, has_tree, has_heap;
+    bool is_simple, has_tree;
     struct point_tree tree;
     uint32_t count; /* corners of the rest */
     uint32_t *previous, *next;
@@ -48,7 +45,6 @@ struct clipper {
     uint32_t *heap, *place;
     double *key;          /* 4 * kind + 1 - cosine */
     uint8_t *is_blocking; /* not convex and not cut */
-    uint32_t blockers;    /* the same, a bit a corner, where there is no heap */
     uint32_t blocking_count;
     uint8_t *is_forbidden;
 };
@@ -97,36 +93,18 @@ static void sift_down(struct clipper *clipper, uint32_t place)
 
 static void heap_move(struct clipper *clipper, uint32_t corner)
 {
-    if (!clipper->has_heap)
-        return;
     sift_up(clipper, clipper->place[corner]);
     sift_down(clipper, clipper->place[corner]);
 }
 
 static void heap_remove(struct clipper *clipper, uint32_t corner)
 {
-    if (!clipper->has_heap) {
-        clipper->count--;
-        clipper->key[corner] = INFINITY;
-        return;
-    }
     uint32_t place = clipper->place[corner], last = clipper->heap[--clipper->count];
     clipper->key[corner] = INFINITY;
     if (last != corner) {
         heap_put(clipper, place, last);
         heap_move(clipper, last);
     }
-}
-
-/* The corner of the smallest key. */
-static uint32_t heap_top(const struct clipper *clipper)
-{
-    if (clipper->has_heap)
-        return clipper->heap[0];
-    uint32_t best = 0;
-    for (uint32_t i = 1; i < clipper->input->n; i++)
-        best = clipper->key[i] < clipper->key[best] ? i : best;
-    return best;
 }
 
 /* ---- tests ---- */
@@ -182,13 +160,6 @@ static bool has_blocker(const struct clipper *clipper, const struct ear *ear)
         return false;
     const struct grid_point *points = clipper->points;
     struct grid_point a = points[ear->a], b = points[ear->b], c = points[ear->c];
-    if (!clipper->has_heap) { /* in a simple loop, where any of them does */
-        const uint32_t own = UINT32_C(1) << ear->a | UINT32_C(1) << ear->b | UINT32_C(1) << ear->c;
-        for (uint32_t left = clipper->blockers & ~own; left; left &= left - 1)
-            if (triangle_holds(a, b, c, points[__builtin_ctz(left)]))
-                return true;
-        return false;
-    }
     if (clipper->has_tree)
         return point_tree_find(&clipper->tree, a, b, c, blocks, ear) != UINT32_MAX;
     for (uint32_t i = 0; i < clipper->input->n; i++)
@@ -207,8 +178,6 @@ static void set_blocking(struct clipper *clipper, uint32_t corner, bool is_block
         point_tree_switch(&clipper->tree, corner, is_blocking);
     else
         clipper->is_blocking[corner] = is_blocking;
-    if (!clipper->has_heap)
-        clipper->blockers ^= UINT32_C(1) << corner;
 }
 
 static int64_t turn_at(const struct clipper *clipper, uint32_t corner)
@@ -232,10 +201,6 @@ static void judge(struct clipper *clipper, uint32_t corner, int64_t turn)
 {
     struct ear ear = {clipper, clipper->previous[corner], corner, clipper->next[corner]};
     enum kind kind = kind_of(clipper, &ear, turn);
-    if (kind != KIND_EAR && !clipper->has_heap) {
-        clipper->key[corner] = 4.0 * (int)kind;
-        return;
-    }
     const struct grid_point *points = clipper->points;
     double openness = 1 - cosine_at(points[ear.a], points[ear.b], points[ear.c]);
     openness = openness < 0 ? 0 : openness > 2 ? 2 : openness; /* rounding may pass the ends */
@@ -290,8 +255,6 @@ static enum status set_up(struct context *ctx, struct scratch *scratch,
                                 .points = input->points,
                                 .is_simple = input->is_simple,
                                 .has_tree = has_tree,
-                                .has_heap = !input->is_simple || n > HEAPLESS_MAX ||
-                                            n > input->give_back_max,
                                 .count = input->n};
     clipper->key = (double *)(void *)block;
     clipper->previous = (uint32_t *)(void *)(block + 8 * n);
@@ -307,17 +270,15 @@ static enum status set_up(struct context *ctx, struct scratch *scratch,
         clipper->next[i] = i + 1 == input->n ? 0 : i + 1;
         clipper->is_blocking[i] = turn_at(clipper, i) <= 0;
         clipper->blocking_count += clipper->is_blocking[i];
-        if (!clipper->has_heap)
-            clipper->blockers |= (uint32_t)clipper->is_blocking[i] << i;
     }
     if (has_tree)
         point_tree_build(&clipper->tree, input->points, input->n, clipper->is_blocking,
                          scratch->block);
     for (uint32_t i = 0; i < input->n; i++)
         judge(clipper, i, turn_at(clipper, i));
-    for (uint32_t i = 0; i < input->n && clipper->has_heap; i++)
+    for (uint32_t i = 0; i < input->n; i++)
         heap_put(clipper, i, i);
-    for (uint32_t i = input->n / 2; i-- > 0 && clipper->has_heap;)
+    for (uint32_t i = input->n / 2; i-- > 0;)
         sift_down(clipper, i);
     return STATUS_OK;
 }
@@ -346,13 +307,15 @@ static bool is_outdated(struct clipper *clipper, uint32_t corner)
 enum status cut_ears(struct context *ctx, struct scratch *scratch, const struct ear_input *input,
                      uint32_t *triangles, struct ear_result *result)
 {
+    if (input->is_simple && input->n <= EAR_FEW_MAX && input->n <= input->give_back_max)
+        return cut_few_ears(ctx, scratch, input, triangles, result);
     struct clipper clipper;
     enum status status = set_up(ctx, scratch, input, &clipper);
     *result = (struct ear_result){0};
     if (status != STATUS_OK)
         return status;
     for (;;) {
-        uint32_t b = heap_top(&clipper);
+        uint32_t b = clipper.heap[0];
         uint32_t a = clipper.previous[b], c = clipper.next[b];
         if (!input->is_simple && clipper.count > 3 && is_outdated(&clipper, b))
             continue;

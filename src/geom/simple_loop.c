@@ -115,13 +115,33 @@ static bool edges_clash(const struct grid_point *points, uint32_t n, uint32_t i,
     return segments_touch(points[i], points[i_end], points[j], points[j_end]);
 }
 
+/* Edges i and i + 1 turn back into each other? */
+static bool folds_after(const struct grid_point *points, uint32_t n, uint32_t i)
+{
+    const uint32_t at = after(i, n);
+    return edges_overlap(points[at], points[i], points[after(at, n)]);
+}
+
+/* Most pairs are told apart by the line of one of them, and on which side of a line a point lies is
+ * the same question for both edges that it ends. */
 static bool all_pairs_are_clear(const struct grid_point *points, uint32_t n)
 {
     for (uint32_t i = 0; i < n; i++)
-        for (uint32_t j = i + 1; j < n; j++) {
-            if (edges_clash(points, n, i, j))
+        if (folds_after(points, n, i))
+            return false;
+    for (uint32_t i = 0; i + 2 < n; i++) {
+        const struct grid_point a = points[i], b = points[i + 1];
+        const uint32_t end = i == 0 ? n - 1 : n; /* the last edge ends where the first begins */
+        int64_t side = orientation(a, b, points[i + 2]);
+        for (uint32_t j = i + 2; j < end; j++) {
+            const struct grid_point c = points[j], d = points[after(j, n)];
+            const int64_t next_side = orientation(a, b, d);
+            const bool is_apart = (side > 0 && next_side > 0) || (side < 0 && next_side < 0);
+            if (!is_apart && segments_touch(a, b, c, d))
                 return false;
+            side = next_side;
         }
+    }
     /* A triangle's edges are all neighbours of each other, twice: it must only not be flat. */
     return n > 3 || orientation(points[0], points[1], points[2]) != 0;
 }

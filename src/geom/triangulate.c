@@ -34,6 +34,7 @@ struct loop {
     struct grid_point *points;
     struct grid_point *parted; /* room for a copy of them */
     double *heights;
+    double *along;          /* two axes of the plane, before rounding */
     bool is_against_normal; /* the given normal could not be used */
     bool (*diagonal_allowed)(void *user, uint32_t i, uint32_t j);
     void *user;
@@ -134,9 +135,12 @@ static bool project(struct loop *loop, const struct frame *frame, struct vec3 no
     plane_axes(w, &u, &v);
 
     double low_u = 0, low_v = 0, high_u = 0, high_v = 0; /* the first corner is at 0, 0 */
-    for (uint32_t i = 1; i < loop->n; i++) {
+    for (uint32_t i = 0; i < loop->n; i++) {
         struct vec3 corner = framed(loop, frame, i);
         double along_u = vec3_dot(corner, u), along_v = vec3_dot(corner, v);
+        loop->along[2 * (size_t)i] = along_u;
+        loop->along[2 * (size_t)i + 1] = along_v;
+        loop->heights[i] = vec3_dot(corner, w);
         low_u = along_u < low_u ? along_u : low_u;
         high_u = along_u > high_u ? along_u : high_u;
         low_v = along_v < low_v ? along_v : low_v;
@@ -148,11 +152,10 @@ static bool project(struct loop *loop, const struct frame *frame, struct vec3 no
     __int128 area = 0;
     struct grid_point last = {0, 0};
     for (uint32_t i = 0; i < loop->n; i++) {
-        struct vec3 corner = framed(loop, frame, i);
-        struct grid_point p = {to_grid((vec3_dot(corner, u) - low_u) * steps),
-                               to_grid((vec3_dot(corner, v) - low_v) * steps)};
+        struct grid_point p = {to_grid((loop->along[2 * (size_t)i] - low_u) * steps),
+                               to_grid((loop->along[2 * (size_t)i + 1] - low_v) * steps)};
         loop->points[i] = p;
-        loop->heights[i] = vec3_dot(corner, w) * steps;
+        loop->heights[i] *= steps;
         if (i > 0)
             area += (int64_t)last.x * p.y - (int64_t)last.y * p.x;
         last = p;
@@ -389,12 +392,13 @@ static void keep_triangle(const double *points, const double *normal, uint32_t *
 /* Room for the projection of a loop in the workspace. */
 static enum status place_loop(struct context *ctx, struct scratch *scratch, struct loop *loop)
 {
-    enum status status =
-        scratch_reserve(ctx, scratch, loop->n * (sizeof(double) + 2 * sizeof(struct grid_point)));
+    enum status status = scratch_reserve(
+        ctx, scratch, loop->n * (3 * sizeof(double) + 2 * sizeof(struct grid_point)));
     if (status != STATUS_OK)
         return status;
     loop->heights = (double *)(void *)scratch->block;
-    loop->points = (struct grid_point *)(void *)(scratch->block + loop->n * sizeof(double));
+    loop->along = loop->heights + loop->n;
+    loop->points = (struct grid_point *)(void *)(loop->along + 2 * (size_t)loop->n);
     loop->parted = loop->points + loop->n;
     return STATUS_OK;
 }

@@ -15,6 +15,7 @@
 #include "simplify/chain_simplify.h"
 
 #include <stdbool.h>
+#include <string.h>
 
 /* Sines between which the lateral weight grows to 1: 20 and 40 degrees. */
 #define SMOOTH_SINE 0.3420201433256687
@@ -26,6 +27,7 @@ struct walk {
     size_t last; /* number of the last vertex, seen in the direction of walking */
     bool backwards;
     const struct chain_metric *metric;
+    double enough; /* what replaces a subchain with no more error is not looked into */
     float *errors;
 };
 
@@ -97,6 +99,8 @@ static void refine(const struct walk *walk, size_t i, size_t j, float above)
     if (error > above)
         error = above;
     walk->errors[place_of(walk, middle)] = error;
+    if (!((double)error > walk->enough))
+        return;
     refine(walk, i, middle, error);
     refine(walk, middle, j, error);
 }
@@ -105,10 +109,20 @@ void chain_errors(const float *positions, size_t count, enum halving form,
                   const struct chain_metric *metric, float *errors)
 {
     struct walk walk = {positions, count - 1, polyline_runs_backwards(positions, count) != 0,
-                        metric, errors};
+                        metric,    -1,        errors};
     errors[0] = errors[count - 1] = INFINITY;
     if (form == HALVING_BOTTOM_UP)
         keep_hierarchy(&walk, 0, count - 1);
     else
         refine(&walk, 0, count - 1, INFINITY);
+}
+
+void chain_errors_above(const float *positions, size_t count, double enough,
+                        const struct chain_metric *metric, float *errors)
+{
+    struct walk walk = {positions, count - 1, polyline_runs_backwards(positions, count) != 0,
+                        metric,    enough,    errors};
+    memset(errors, 0, count * sizeof *errors);
+    errors[0] = errors[count - 1] = INFINITY;
+    refine(&walk, 0, count - 1, INFINITY);
 }

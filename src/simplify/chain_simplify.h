@@ -63,4 +63,11 @@ enum halving { HALVING_TOP_DOWN, HALVING_BOTTOM_UP };
 void chain_errors(const float *positions, size_t count, enum halving form,
                   const struct chain_metric *metric, float *errors);
 
+/*
+ * The same with HALVING_TOP_DOWN for one tolerance, `enough`: of a subchain that is replaced at it,
+ * the middle vertex has the error, which is the largest there, and the others have 0.
+ */
+void chain_errors_above(const float *positions, size_t count, double enough,
+                        const struct chain_metric *metric, float *errors);
+
 #endif

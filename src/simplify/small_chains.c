@@ -19,42 +19,53 @@ static struct chain_metric metric_of(const struct small_builder *b, uint32_t cha
                                 vec3_load_float(b->block->patches[c->right].normal));
 }
 
+/* Rule 1: the vertex to keep of a chain that would keep none. It must not depend on the direction:
+ * of equal errors the middle's counts, on seams that of the lowest store number. */
+static uint32_t worst_interior(const struct small_builder *b, uint32_t chain,
+                               const struct chain_line *line, const struct chain_metric *metric)
+{
+    const uint32_t length = line->interior_count + 2;
+    uint32_t worst = length / 2;
+    chain_errors(b->line, length, HALVING_TOP_DOWN, metric, b->line_errors);
+    for (uint32_t i = 1; i + 1 < length; i++)
+        if (b->line_errors[i] > b->line_errors[worst])
+            worst = i;
+    for (uint32_t i = 1; small_is_seam(b, chain) && i + 1 < length; i++)
+        if (b->line_errors[i] >= b->line_errors[worst] &&
+            small_line_interior(line, i - 1) < small_line_interior(line, worst - 1))
+            worst = i;
+    return small_line_interior(line, worst - 1);
+}
+
 void small_chain_cut(struct small_builder *b, uint32_t chain)
 {
-    const uint32_t length = small_chain_length(b, chain);
-    const uint32_t start = small_chain_vertex(b, chain, 0),
-                   end = small_chain_vertex(b, chain, length - 1);
-    b->keep[start] = b->keep[end] = 1;
+    const struct chain_line line = small_chain_line(b, chain);
+    const uint32_t length = line.interior_count + 2;
+    const float *positions = b->block->positions;
+    b->keep[line.start] = b->keep[line.end] = 1;
     if (length == 2)
         return;
-    for (uint32_t i = 0; i < length; i++)
-        memcpy(b->line + 3 * (size_t)i,
-               b->block->positions + 3 * (size_t)small_chain_vertex(b, chain, i),
+    memcpy(b->line, positions + 3 * (size_t)line.start, 3 * sizeof(float));
+    for (uint32_t i = 1; i + 1 < length; i++)
+        memcpy(b->line + 3 * (size_t)i, positions + 3 * (size_t)small_line_interior(&line, i - 1),
                3 * sizeof(float));
+    memcpy(b->line + 3 * (size_t)(length - 1), positions + 3 * (size_t)line.end, 3 * sizeof(float));
     const struct chain_metric metric = metric_of(b, chain);
     const bool is_border = !small_is_seam(b, chain) && b->block->chains[chain].right == NO_PATCH;
     const double tolerance = b->tolerance * (is_border ? BORDER_PART : 1);
-    chain_errors(b->line, length, HALVING_TOP_DOWN, &metric, b->line_errors);
-    uint32_t kept = 0, worst = length / 2;
+    chain_errors_above(b->line, length, tolerance, &metric, b->line_errors);
+    uint32_t kept = 0;
+    float dropped = 0;
     for (uint32_t i = 1; i + 1 < length; i++) {
-        if ((double)b->line_errors[i] > tolerance) {
-            b->keep[small_chain_vertex(b, chain, i)] = 1;
-            kept++;
-        } else {
-            b->dropped[chain] = fmaxf(b->dropped[chain], b->line_errors[i]);
-        }
-        if (b->line_errors[i] > b->line_errors[worst])
-            worst = i;
+        const bool is_kept = (double)b->line_errors[i] > tolerance;
+        b->keep[small_line_interior(&line, i - 1)] |= is_kept;
+        kept += is_kept;
+        dropped = is_kept ? dropped : fmaxf(dropped, b->line_errors[i]);
     }
+    b->dropped[chain] = dropped;
     if (kept == 0 &&
-        (small_is_seam(b, chain) || (small_on_seam(b, start) && small_on_seam(b, end)))) {
-        /* rule 1; the vertex must not depend on the direction: the lower store number wins ties */
-        for (uint32_t i = 1; small_is_seam(b, chain) && i + 1 < length; i++)
-            if (b->line_errors[i] >= b->line_errors[worst] &&
-                small_chain_vertex(b, chain, i) < small_chain_vertex(b, chain, worst))
-                worst = i;
-        b->keep[small_chain_vertex(b, chain, worst)] = 1;
-    }
+        (small_is_seam(b, chain) || (small_on_seam(b, line.start) && small_on_seam(b, line.end))))
+        b->keep[worst_interior(b, chain, &line, &metric)] = 1;
 }
 
 void small_chain_give_back(struct small_builder *b, uint32_t chain)

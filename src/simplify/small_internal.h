@@ -75,6 +75,31 @@ static inline uint32_t small_chain_vertex(const struct small_builder *b, uint32_
     return i == 0 ? c->start : i <= c->interior_count ? c->interior_first + i - 1 : c->end;
 }
 
+/* A chain's vertices from its start to its end; those between them are a range of numbers, or the
+ * seam's list. */
+struct chain_line {
+    uint32_t start, end;
+    uint32_t interior_first, interior_count;
+    const uint32_t *list; /* of them; NULL: a range */
+};
+
+static inline struct chain_line small_chain_line(const struct small_builder *b, uint32_t chain)
+{
+    if (small_is_seam(b, chain)) {
+        const struct seam_chain *seam = &b->block->seam_chains[chain - b->block->chain_count];
+        const uint32_t *list = b->block->seam_lists + seam->vertex_first;
+        return (struct chain_line){list[0], list[seam->vertex_count - 1], 0, seam->vertex_count - 2,
+                                   list + 1};
+    }
+    const struct chain *c = &b->block->chains[chain];
+    return (struct chain_line){c->start, c->end, c->interior_first, c->interior_count, NULL};
+}
+
+static inline uint32_t small_line_interior(const struct chain_line *line, uint32_t i)
+{
+    return line->list ? line->list[i] : line->interior_first + i;
+}
+
 static inline bool small_on_seam(const struct small_builder *b, uint32_t v)
 {
     return v >= b->block->junction_count &&

@@ -96,22 +96,28 @@ static enum status resolve_clash(struct small_builder *b, uint32_t chain, struct
     return STATUS_OK;
 }
 
+static inline enum status enter_segment(struct small_builder *b, uint32_t chain, uint32_t from,
+                                        uint32_t to, bool *clash)
+{
+    struct edge_entry *entry = find_edge(b, from, to);
+    return entry ? resolve_clash(b, chain, entry, clash)
+                 : add_edge(b, from, to, OWNER_TAKEN, chain);
+}
+
 static enum status enter_chain(struct small_builder *b, uint32_t chain, bool *clash)
 {
-    const uint32_t length = small_chain_length(b, chain);
-    uint32_t from = small_chain_vertex(b, chain, 0);
-    for (uint32_t i = 1; i < length; i++) {
-        const uint32_t to = small_chain_vertex(b, chain, i);
+    const struct chain_line line = small_chain_line(b, chain);
+    uint32_t from = line.start;
+    for (uint32_t i = 0; i < line.interior_count; i++) {
+        const uint32_t to = small_line_interior(&line, i);
         if (!b->keep[to])
             continue;
-        struct edge_entry *entry = find_edge(b, from, to);
-        enum status status = entry ? resolve_clash(b, chain, entry, clash)
-                                   : add_edge(b, from, to, OWNER_TAKEN, chain);
+        enum status status = enter_segment(b, chain, from, to, clash);
         if (status != STATUS_OK)
             return status;
         from = to;
     }
-    return STATUS_OK;
+    return enter_segment(b, chain, from, line.end, clash);
 }
 
 static enum status cut_chains(struct small_builder *b)
@@ -146,41 +152,53 @@ static uint64_t patch_beyond(const struct small_builder *b, uint32_t use)
     return patch == NO_PATCH ? BORDER : slab << 32 | patch;
 }
 
+/* Puts a vertex on the loop, which is soon asked where it lies. */
+static inline void put_on_loop(struct small_builder *b, uint32_t v, uint32_t *count)
+{
+    __builtin_prefetch(b->block->positions + 3 * (size_t)v);
+    if (*count < b->loop_capacity)
+        b->loop[(*count)++] = v;
+}
+
+/* What a use puts on the loop of its patch: all but its end. Returns that. */
+static inline uint32_t walk_use(struct small_builder *b, uint32_t use, uint32_t *count)
+{
+    const struct chain_line line = small_chain_line(b, use >> 1);
+    const bool backwards = use & 1;
+    put_on_loop(b, backwards ? line.end : line.start, count);
+    for (uint32_t i = 0; i < line.interior_count; i++) {
+        const uint32_t v = small_line_interior(&line, backwards ? line.interior_count - 1 - i : i);
+        if (b->keep[v])
+            put_on_loop(b, v, count);
+    }
+    return backwards ? line.start : line.end;
+}
+
 /* The patch's kept vertices in order (its uses are searched for each next one: a patch has at most
  * PATCH_FACES_MAX faces and commonly six chains); *alone: the same patch
  * lies beyond all its chains. */
 static enum status gather_loop(struct small_builder *b, uint32_t patch, uint32_t *count,
                                bool *alone)
 {
-    const uint32_t first = b->use_first[patch], end = b->use_first[patch + 1];
-    uint32_t use = b->uses[first], n = 0;
-    uint64_t beyond = BORDER;
-    *alone = true;
-    for (uint32_t done = first; done < end; done++) {
-        const uint32_t chain = use >> 1, length = small_chain_length(b, chain);
-        const uint64_t other = patch_beyond(b, use);
-        if (other == BORDER || (done > first && other != beyond))
-            *alone = false;
-        beyond = other;
-        for (uint32_t i = 0; i + 1 < length; i++) {
-            const uint32_t v = small_chain_vertex(b, chain, use & 1 ? length - 1 - i : i);
-            if (b->keep[v] && n < b->loop_capacity)
-                b->loop[n++] = v;
-        }
-        const uint32_t last = small_chain_vertex(b, chain, use & 1 ? 0 : length - 1);
-        uint32_t next = first;
-        while (next < end) {
-            const uint32_t candidate = b->uses[next] >> 1;
-            const uint32_t start = small_chain_vertex(
-                b, candidate, b->uses[next] & 1 ? small_chain_length(b, candidate) - 1 : 0);
-            if (start == last)
-                break;
-            next++;
-        }
-        if (next == end)
+    const uint32_t *uses = b->uses + b->use_first[patch];
+    const uint32_t use_count = b->use_first[patch + 1] - b->use_first[patch];
+    uint32_t *starts = b->triangles; /* not cut yet; a use has an edge of the loop at least */
+    uint32_t n = 0, at = 0;
+    const uint64_t beyond = patch_beyond(b, uses[0]);
+    *alone = beyond != BORDER;
+    for (uint32_t i = 0; i < use_count; i++) {
+        const struct chain_line line = small_chain_line(b, uses[i] >> 1);
+        starts[i] = uses[i] & 1 ? line.end : line.start;
+        *alone &= patch_beyond(b, uses[i]) == beyond;
+    }
+    for (uint32_t done = 0; done < use_count; done++) {
+        const uint32_t last = walk_use(b, uses[at], &n);
+        at = 0;
+        while (at < use_count && starts[at] != last)
+            at++;
+        if (at == use_count)
             return fail(b->ctx, STATUS_BAD_INPUT, "slab %u: patch %u: its chains do not close",
                         b->block->slab, patch);
-        use = b->uses[next];
     }
     *count = b->loop_count = n;
     return STATUS_OK;

@@ -153,6 +153,38 @@ static void direction_does_not_matter(void **state)
     }
 }
 
+/* Asked for one tolerance only: the same vertices are above it, and the largest error of what is
+ * not is the same. */
+static void one_tolerance_keeps_the_same_vertices(void **state)
+{
+    (void)state;
+    uint64_t random = 5;
+    struct chain_metric plain = chain_metric_plain();
+    size_t pruned = 0;
+    for (int round = 0; round < 600; round++) {
+        float positions[3 * LONGEST], errors[LONGEST], above[LONGEST];
+        const size_t count = random_chain(&random, positions);
+        chain_errors(positions, count, HALVING_TOP_DOWN, &plain, errors);
+        /* one of the errors now and then, which is the border between the two */
+        const double tolerance =
+            round % 3 == 0 && count > 2 ? (double)errors[count / 2] : random_unit(&random) * 5;
+        chain_errors_above(positions, count, tolerance, &plain, above);
+        float dropped[2] = {0, 0};
+        for (size_t i = 0; i < count; i++) {
+            assert_int_equal((double)errors[i] > tolerance, (double)above[i] > tolerance);
+            if ((double)errors[i] > tolerance) {
+                assert_true(errors[i] == above[i]);
+                continue;
+            }
+            dropped[0] = fmaxf(dropped[0], errors[i]);
+            dropped[1] = fmaxf(dropped[1], above[i]);
+            pruned += above[i] < errors[i];
+        }
+        assert_true(dropped[0] == dropped[1]);
+    }
+    assert_true(pruned > 100);
+}
+
 static void straight_chains_cost_nothing(void **state)
 {
     (void)state;
@@ -239,6 +271,7 @@ int main(void)
         cmocka_unit_test(thresholds_are_the_recursion),
         cmocka_unit_test(chains_stay_within_tolerance),
         cmocka_unit_test(direction_does_not_matter),
+        cmocka_unit_test(one_tolerance_keeps_the_same_vertices),
         cmocka_unit_test(straight_chains_cost_nothing),
         cmocka_unit_test(metric_tells_sharp_from_smooth),
         cmocka_unit_test(long_chains_are_not_slow),

@@ -3,6 +3,7 @@
  * simple one, they tile it. Checked by counting edges and areas, never against recorded triangles.
  */
 #include "base/memory.h"
+#include "geom/ear_clip.h"
 #include "geom/triangulate.h"
 #include "geom/vec.h"
 #include "test_kit.h"
@@ -657,6 +658,44 @@ static void forbidden_diagonals_are_not_used(void **state)
     assert_true(blocked > 300 && planar > 300);
 }
 
+/* Loops of few corners have a way of their own to the same ears: as far as there are proper ones,
+ * the general one cuts the very same triangles. */
+static void few_corners_are_cut_like_many(void **state)
+{
+    (void)state;
+    uint64_t seed = 11;
+    size_t whole = 0, stopped = 0;
+    for (uint32_t round = 0; round < 2000; round++) {
+        struct ban ban = {.n = 5 + (uint32_t)random_below(&seed, 12)};
+        for (uint32_t i = 0; i < ban.n; i++)
+            for (uint32_t j = 0; j < i; j++)
+                ban.is_banned[i][j] = ban.is_banned[j][i] = random_below(&seed, 12) < round % 4;
+        struct grid_point points[16];
+        const double heights[16] = {0};
+        uint32_t few[3 * 16], many[3 * 16];
+        make_winding(points, ban.n, &seed);
+        struct ear_input input = {.points = points,
+                                  .heights = heights,
+                                  .n = ban.n,
+                                  .is_simple = true,
+                                  .diagonal_allowed = is_allowed,
+                                  .user = &ban,
+                                  .give_back_max = EAR_FEW_MAX};
+        struct ear_result result, other;
+        assert_int_equal(cut_ears(&ctx, &workspace.clipping, &input, few, &result), STATUS_OK);
+        assert_int_equal(result.cut + (result.rest_count ? result.rest_count : 2), ban.n);
+        for (uint32_t i = 0; i < result.rest_count; i++) /* in the order of the loop */
+            assert_true(i == 0 || result.rest[i] > result.rest[i - 1]);
+        whole += result.rest_count == 0;
+        stopped += result.rest_count > 0;
+        input.give_back_max = 0;
+        assert_int_equal(cut_ears(&ctx, &workspace.clipping, &input, many, &other), STATUS_OK);
+        assert_true(other.cut >= result.cut);
+        assert_memory_equal(few, many, 3 * result.cut * sizeof *few);
+    }
+    assert_true(whole > 300 && stopped > 100);
+}
+
 static bool allow_nothing(void *user, uint32_t i, uint32_t j)
 {
     (void)i;
@@ -803,6 +842,7 @@ int main(void)
         cmocka_unit_test(pinched_chains_are_tiled),
         cmocka_unit_test(ramps_keep_their_sheets_apart),
         cmocka_unit_test(forbidden_diagonals_are_not_used),
+        cmocka_unit_test(few_corners_are_cut_like_many),
         cmocka_unit_test(large_loops_can_be_blocked_too),
         cmocka_unit_test(large_loops_are_quick),
         cmocka_unit_test(a_used_workspace_allocates_nothing),
