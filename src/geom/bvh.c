@@ -275,8 +275,8 @@ static void lay_out(struct bvh *bvh)
 /* ---- in several threads ---- */
 
 /* What is halved by one thread before several go on, and from how many triangles on. */
-enum { SHARED_DEPTH = 3, SHARED_MAX = 1 << SHARED_DEPTH, SHARED_LEAST = 1 << 14 };
-enum { STRETCH = 1 << 12 }; /* triangles, whole nodes */
+enum { SHARED_DEPTH = 3, SHARED_MAX = 1 << SHARED_DEPTH, SHARED_LEAST = 1 << 12 };
+enum { STRETCH = 1 << 10 }; /* triangles, whole nodes */
 
 struct building {
     struct bvh *bvh;

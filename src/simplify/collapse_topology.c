@@ -3,12 +3,14 @@
  * the collapse itself.
  *
  * Adjacency needs edges to be matched. A hash map of edges is slow; here the corners are listed by
- * their vertex, in links that lie where the swings will be, and those of one vertex matched through
- * a table indexed by the other end of their edges, so that even a hub costs linear time.
+ * their vertex, in links that lie where the swings will be, and those of one vertex matched with
+ * each other: a few by looking at all, those of a hub through a table indexed by the other end of
+ * their edges, so that it costs linear time.
  */
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/parallel.h"
 #include "collapse_internal.h"
 
 /* Lists the corners at each vertex, lowest first: from vertices[v].corner through the swings. */
@@ -23,38 +25,22 @@ static void list_corners(struct collapse *c)
     }
 }
 
-/* Turns the list of v's corners into swings and finds where to begin; false when its faces are no
- * single fan. seen[u] is the corner met last whose edge leads to u; one of another vertex tells
- * itself, so that nothing needs to be reset. */
-static bool match_vertex(struct collapse *c, uint32_t v, uint32_t *seen)
+/* Makes the border and the corner to begin with known of a vertex whose swings are, of `count`
+ * corners from `first` on; false when they are no single fan. `odd` is what is left of all corners
+ * and swings, by exclusive or. */
+static bool finish_vertex(struct collapse *c, uint32_t v, uint32_t first, uint32_t count,
+                          uint32_t unmatched, uint32_t odd)
 {
-    const uint32_t first = c->vertices[v].corner;
-    uint32_t count = 0, unmatched = 0, start = 0, met = 0;
-    for (uint32_t i = first; i != NO_INDEX; i = c->corners[i].swing) {
-        const uint32_t end = c->corners[i].end, other = seen[end];
-        if (end == v || (other != NO_INDEX && corner_vertex(c, other) == v))
-            return false;
-        seen[end] = i;
-        start ^= i;
-        count++;
-    }
-    for (uint32_t i = first, next; i != NO_INDEX; i = next) {
-        const uint32_t other = seen[c->corners[corner_next(i)].end];
-        next = c->corners[i].swing;
-        const bool found = other != NO_INDEX && corner_vertex(c, other) == v;
-        c->corners[i].swing = found ? other : NO_INDEX;
-        start ^= found ? other : 0;
-        unmatched += !found;
-    }
+    uint32_t start = first, met = 0;
     if (unmatched > 1)
         return false;
-    /* in an open fan all corners but one are another's swing: that one is left over */
     if (unmatched == 0 && count < 3)
         return false; /* one face is the back of the other */
-    if (unmatched == 0)
-        start = first;
-    else
+    /* in an open fan all corners but one are another's swing: that one is left over */
+    if (unmatched > 0) {
+        start = odd;
         c->vertices[v].flags |= VERTEX_BORDER;
+    }
     /* where two swings are the same, what is left over may be anything */
     if (start >= 3 * c->face_count || corner_vertex(c, start) != v)
         return false;
@@ -68,33 +54,155 @@ static bool match_vertex(struct collapse *c, uint32_t v, uint32_t *seen)
     return met == count;
 }
 
-static bool match_corners(struct collapse *c, uint32_t *seen)
+/* Vertices of more corners than FEW are hubs. */
+enum { FEW = 32, RECENT = 256 };
+
+/* Whether the corner is one of v's whose edge leads to `end`. */
+static bool leads_to(const struct collapse *c, uint32_t corner, uint32_t v, uint32_t end)
 {
-    memset(seen, 0xff, (size_t)c->vertex_count * sizeof *seen);
-    for (uint32_t v = 0; v < c->vertex_count; v++)
-        if (c->vertices[v].corner != NO_INDEX && !match_vertex(c, v, seen))
+    return c->corners[corner].end == end && corner_vertex(c, corner) == v;
+}
+
+/*
+ * Turns the list of v's corners into swings and finds where to begin, unless v is a hub; false when
+ * its faces are no single fan. recent[u % RECENT] is mostly the corner whose edge leads to u, and
+ * tells itself when it is not. (Where edges of two corners lead to the same vertex, one of the two
+ * may be nobody's swing, and open the fan; at their other end two corners have the same swing then,
+ * and from nowhere there all are met.)
+ */
+static bool match_vertex(struct collapse *c, uint32_t v, uint32_t recent[RECENT], bool *is_hub)
+{
+    const uint32_t first = c->vertices[v].corner;
+    uint32_t corners[FEW], count = 0, unmatched = 0, odd = 0;
+    for (uint32_t i = first; i != NO_INDEX; i = c->corners[i].swing) {
+        if (count == FEW) {
+            *is_hub = true;
+            return true;
+        }
+        const uint32_t end = c->corners[i].end;
+        if (end == v)
             return false;
-    return true;
+        recent[end % RECENT] = i;
+        corners[count++] = i;
+        odd ^= i;
+    }
+    for (uint32_t j = 0; j < count; j++) {
+        const uint32_t end = c->corners[corner_next(corners[j])].end;
+        uint32_t other = recent[end % RECENT], k = 0;
+        if (!leads_to(c, other, v, end)) {
+            while (k < count && c->corners[corners[k]].end != end)
+                k++;
+            other = k < count ? corners[k] : NO_INDEX;
+        }
+        c->corners[corners[j]].swing = other;
+        odd ^= other != NO_INDEX ? other : 0;
+        unmatched += other == NO_INDEX;
+    }
+    return finish_vertex(c, v, first, count, unmatched, odd);
+}
+
+/* The same for a hub. seen[u] is the corner met last whose edge leads to u; one of another vertex
+ * tells itself, so that nothing needs to be reset. */
+static bool match_hub(struct collapse *c, uint32_t v, uint32_t *seen)
+{
+    const uint32_t first = c->vertices[v].corner;
+    uint32_t count = 0, unmatched = 0, odd = 0;
+    for (uint32_t i = first; i != NO_INDEX; i = c->corners[i].swing) {
+        const uint32_t end = c->corners[i].end, other = seen[end];
+        if (end == v || (other != NO_INDEX && corner_vertex(c, other) == v))
+            return false;
+        seen[end] = i;
+        odd ^= i;
+        count++;
+    }
+    for (uint32_t i = first, next; i != NO_INDEX; i = next) {
+        const uint32_t other = seen[c->corners[corner_next(i)].end];
+        next = c->corners[i].swing;
+        const bool found = other != NO_INDEX && corner_vertex(c, other) == v;
+        c->corners[i].swing = found ? other : NO_INDEX;
+        odd ^= found ? other : 0;
+        unmatched += !found;
+    }
+    return finish_vertex(c, v, first, count, unmatched, odd);
+}
+
+/* Whether v was left by match_vertex: what it has is a list still, or a fan of as many. */
+static bool has_many(const struct collapse *c, uint32_t v)
+{
+    const uint32_t first = c->vertices[v].corner;
+    uint32_t count = 0;
+    for (uint32_t i = first; i != NO_INDEX && count <= FEW; count++) {
+        i = c->corners[i].swing;
+        if (i == first)
+            return false;
+    }
+    return count > FEW;
+}
+
+/* All vertices; what a thread reads of others' corners nobody changes. */
+struct matching {
+    struct collapse *collapse;
+    _Atomic bool is_manifold, has_hubs;
+};
+
+enum { MATCH_STRETCH = 4096 };
+
+static enum status match_stretch(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct matching *matching = user;
+    struct collapse *c = matching->collapse;
+    const uint64_t first = job * MATCH_STRETCH, left = c->vertex_count - first;
+    uint32_t recent[RECENT] = {0};
+    bool has_hub = false;
+    for (uint32_t v = (uint32_t)first; v < first + (left < MATCH_STRETCH ? left : MATCH_STRETCH);
+         v++)
+        if (c->vertices[v].corner != NO_INDEX && !match_vertex(c, v, recent, &has_hub)) {
+            matching->is_manifold = false;
+            break;
+        }
+    if (has_hub)
+        matching->has_hubs = true;
+    return STATUS_OK;
+}
+
+static enum status match_hubs(struct matching *matching)
+{
+    struct collapse *c = matching->collapse;
+    const size_t vertices = (size_t)c->vertex_count;
+    uint32_t *seen = NULL;
+    enum status status = memory_take(c->ctx, vertices, sizeof *seen, &seen);
+    if (status != STATUS_OK)
+        return status;
+    memset(seen, 0xff, vertices * sizeof *seen);
+    for (uint32_t v = 0; v < vertices && matching->is_manifold; v++)
+        if (has_many(c, v) && !match_hub(c, v, seen))
+            matching->is_manifold = false;
+    memory_release(c->ctx, &seen, vertices, sizeof *seen);
+    return STATUS_OK;
 }
 
 enum status topology_build(struct collapse *c)
 {
     struct context *ctx = c->ctx;
-    const size_t vertices = (size_t)c->vertex_count;
-    uint32_t *seen = NULL;
-    enum status status = memory_take(ctx, vertices, sizeof *seen, &seen);
-    if (status != STATUS_OK)
-        return status;
+    struct matching matching = {.collapse = c, .is_manifold = true};
+    const uint64_t stretches = (c->vertex_count + MATCH_STRETCH - 1) / MATCH_STRETCH;
+    enum status status = STATUS_OK;
     list_corners(c);
-    if (!match_corners(c, seen))
-        status =
-            c->options.source
-                ? fail(ctx, STATUS_BAD_INPUT,
-                       "%s: is damaged: its patches do not join to a manifold mesh",
-                       c->options.source)
-                : fail(ctx, STATUS_INTERNAL, "edge collapse was given a mesh that is not manifold");
-    memory_release(ctx, &seen, vertices, sizeof *seen);
-    return status;
+    if (c->options.together)
+        status = parallel_for(ctx, stretches, match_stretch, &matching);
+    else
+        for (uint64_t job = 0; job < stretches && matching.is_manifold; job++)
+            (void)match_stretch(&matching, job, 0);
+    if (status == STATUS_OK && matching.is_manifold && matching.has_hubs)
+        status = match_hubs(&matching);
+    if (status != STATUS_OK || matching.is_manifold)
+        return status;
+    return c->options.source
+               ? fail(ctx, STATUS_BAD_INPUT,
+                      "%s: is damaged: its patches do not join to a manifold mesh",
+                      c->options.source)
+               : fail(ctx, STATUS_INTERNAL, "edge collapse was given a mesh that is not manifold");
 }
 
 /* The half-edge along edge i of a ring, the one that has a face at its left seen from the ring's
@@ -314,8 +422,10 @@ enum status topology_compact(struct collapse *c)
     for (uint32_t f = 0; f < c->face_slots; f++)
         faces.live[f >> 6] |= (uint64_t)(c->corners[3 * (size_t)f].end != NO_INDEX) << (f & 63);
     const uint32_t vertex_slots = ranks_sum(&vertices), face_slots = ranks_sum(&faces);
-    move_vertices(c, &vertices, &faces);
-    move_faces(c, &vertices, &faces);
+    if (vertex_slots < c->vertex_slots || face_slots < c->face_slots) {
+        move_vertices(c, &vertices, &faces);
+        move_faces(c, &vertices, &faces);
+    }
     c->vertex_slots = vertex_slots;
     c->face_slots = face_slots;
 done:
