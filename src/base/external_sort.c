@@ -67,6 +67,7 @@ struct sorter {
     const char *beside;
     size_t record_size;
     unsigned key_words;
+    unsigned ordered_bits;
     uint64_t memory_limit;
     uint64_t added;
     enum sorter_state state;
@@ -142,6 +143,11 @@ uint64_t sorter_count(const struct sorter *sorter)
     return sorter->added;
 }
 
+void sorter_comes_ordered(struct sorter *sorter, unsigned bits)
+{
+    sorter->ordered_bits = bits;
+}
+
 /* ---- collecting and spilling ---- */
 
 /* Sorts the collected records; they are in sorter->records again. */
@@ -153,8 +159,9 @@ static enum status sort_collected(struct sorter *sorter)
         return status;
     if (sorter->count == sorter->capacity)
         memory_use_whole(scratch, sorter->capacity, sorter->record_size);
-    status = radix_sort(sorter->ctx, sorter->records, scratch, sorter->count, sorter->record_size,
-                        sorter->key_words, &sorted);
+    status =
+        radix_sort_above(sorter->ctx, sorter->records, scratch, sorter->count, sorter->record_size,
+                         sorter->key_words, sorter->ordered_bits, &sorted);
     if (status == STATUS_OK && sorted == scratch) {
         scratch = sorter->records;
         sorter->records = sorted;

@@ -16,6 +16,9 @@ enum status sorter_open(struct context *ctx, size_t record_size, size_t key_size
                         uint64_t memory_limit, const char *beside, struct sorter **out) MUST_CHECK;
 /* About so many will be added: room for them at once, as far as the limit goes. */
 enum status sorter_expect(struct sorter *sorter, uint64_t count) MUST_CHECK;
+/* The records come in the order of the lowest `bits` bits (below 64) of their keys: spares the
+ * looking at them. */
+void sorter_comes_ordered(struct sorter *sorter, unsigned bits);
 /* Adds `count` records. */
 enum status sorter_add(struct sorter *sorter, const void *records, size_t count) MUST_CHECK;
 /* Ends the adding. */

@@ -223,8 +223,9 @@ static void cut_into_buckets(struct sort *sort, size_t count)
     scatter(sort->from, sort->to, count, sort->record_size, digit, begins);
 }
 
-enum status radix_sort(struct context *ctx, unsigned char *records, unsigned char *scratch,
-                       size_t count, size_t record_size, unsigned key_words, unsigned char **sorted)
+enum status radix_sort_above(struct context *ctx, unsigned char *records, unsigned char *scratch,
+                             size_t count, size_t record_size, unsigned key_words,
+                             unsigned ordered_bits, unsigned char **sorted)
 {
     *sorted = records;
     if (count < 2)
@@ -233,6 +234,7 @@ enum status radix_sort(struct context *ctx, unsigned char *records, unsigned cha
         .from = records, .to = scratch, .record_size = record_size, .key_words = key_words};
     uint64_t varying[2] = {0, 0};
     find_varying(records, count, record_size, key_words, varying);
+    varying[key_words - 1] &= ~(((uint64_t)1 << ordered_bits) - 1);
     choose_digits(&sort, varying);
     if (sort.digit_count == 0)
         return STATUS_OK;
@@ -245,4 +247,10 @@ enum status radix_sort(struct context *ctx, unsigned char *records, unsigned cha
     sort.result = sort.digit_count % 2 == 0 ? records : scratch;
     *sorted = sort.result;
     return parallel_for(ctx, DIGIT_VALUES, sort_bucket, &sort);
+}
+
+enum status radix_sort(struct context *ctx, unsigned char *records, unsigned char *scratch,
+                       size_t count, size_t record_size, unsigned key_words, unsigned char **sorted)
+{
+    return radix_sort_above(ctx, records, scratch, count, record_size, key_words, 0, sorted);
 }

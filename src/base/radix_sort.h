@@ -15,4 +15,10 @@ enum status radix_sort(struct context *ctx, unsigned char *records, unsigned cha
                        size_t count, size_t record_size, unsigned key_words,
                        unsigned char **sorted) MUST_CHECK;
 
+/* The same for records that come in the order of the lowest `ordered_bits` bits (below 64) of their
+ * keys, which then need not be looked at. */
+enum status radix_sort_above(struct context *ctx, unsigned char *records, unsigned char *scratch,
+                             size_t count, size_t record_size, unsigned key_words,
+                             unsigned ordered_bits, unsigned char **sorted) MUST_CHECK;
+
 #endif

@@ -22,7 +22,7 @@
 #include "base/radix_sort.h"
 #include "mesh/order_far.h"
 
-enum { BATCH = 1024 };
+enum { BATCH = 1024, MOVED_PIECE = 1 << 13, MOVES_IN_FLIGHT = 8 };
 
 /* What is sorted when faces are not in memory: its first 8 bytes are the key. */
 struct keyed_face {
@@ -183,6 +183,104 @@ static enum status move_faces(struct ordering *o)
     return status;
 }
 
+/* ---- moving and numbering ---- */
+
+/*
+ * Where all is in memory, faces are moved in pieces by all threads, and numbered piece by piece
+ * meanwhile: numbering by first use can't be divided, but need not wait either.
+ */
+struct moving {
+    const struct ordering *o;
+    struct numbering *numbering;
+    struct spool moved;
+    const uint64_t *keys;
+    size_t count;
+    uint32_t *pieces[MOVES_IN_FLIGHT];
+};
+
+static size_t piece_size(const struct moving *m, uint64_t job)
+{
+    const size_t left = m->count - (size_t)job * MOVED_PIECE;
+    return left < MOVED_PIECE ? left : MOVED_PIECE;
+}
+
+static enum status move_piece(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct moving *m = user;
+    const uint32_t *faces = m->o->draft->faces;
+    const uint64_t mask = ((uint64_t)1 << m->o->curve.index_bits) - 1;
+    const uint64_t *keys = m->keys + job * MOVED_PIECE;
+    uint32_t *to = m->pieces[job % MOVES_IN_FLIGHT];
+    for (size_t i = piece_size(m, job); i > 0; i--, to += 3)
+        memcpy(to, faces + 3 * (*keys++ & mask), 3 * sizeof *to);
+    return STATUS_OK;
+}
+
+static enum status number_piece(void *user, uint64_t job)
+{
+    struct moving *m = user;
+    size_t dropped;
+    bool taken;
+    enum status status = number_take(m->numbering, m->pieces[job % MOVES_IN_FLIGHT],
+                                     piece_size(m, job), &m->moved, &dropped, &taken);
+    if (status == STATUS_OK && (!taken || dropped))
+        return fail(m->o->draft->ctx, STATUS_INTERNAL, "faces in order can't be numbered");
+    return status;
+}
+
+static bool can_number_moving(const struct ordering *o)
+{
+    const struct draft *draft = o->draft;
+    return !o->moves_faces &&
+           room_fits(&draft->room, 12 * draft->face_count + 8 * draft->vertex_count +
+                                       MOVES_IN_FLIGHT * MOVED_PIECE * 12);
+}
+
+/* All keys are sorted and there at once. */
+static enum status move_pieces(struct ordering *o, struct moving *m)
+{
+    struct context *ctx = o->draft->ctx;
+    const void *data = NULL;
+    enum status status = spool_reserve(&m->moved, 12 * o->draft->face_count);
+    for (unsigned i = 0; i < MOVES_IN_FLIGHT && status == STATUS_OK; i++)
+        status = memory_take(ctx, MOVED_PIECE, 12, &m->pieces[i]);
+    do {
+        if (status == STATUS_OK)
+            status = sorter_next(o->sorter, &data, &m->count);
+        m->keys = data;
+        if (status == STATUS_OK)
+            status = parallel_ordered(ctx, (m->count + MOVED_PIECE - 1) / MOVED_PIECE,
+                                      MOVES_IN_FLIGHT, move_piece, number_piece, m);
+    } while (status == STATUS_OK && m->count);
+    for (unsigned i = 0; i < MOVES_IN_FLIGHT; i++)
+        memory_release(ctx, &m->pieces[i], MOVED_PIECE, 12);
+    return status;
+}
+
+static enum status move_and_number(struct ordering *o)
+{
+    struct draft *draft = o->draft;
+    const uint64_t vertices = draft->vertex_count;
+    struct moving m = {.o = o};
+    spool_init(draft->ctx, &m.moved, draft->room.beside, room_spool_limit(&draft->room, 2));
+    enum status status = sorter_finish(o->sorter);
+    if (status == STATUS_OK)
+        status = number_begin(draft, vertices, false, &m.numbering);
+    if (status == STATUS_OK)
+        status = move_pieces(o, &m);
+    sorter_close(&o->sorter);
+    if (status == STATUS_OK) {
+        spool_clear(&draft->face_spool);
+        status = draft_adopt_faces(draft, &m.moved);
+    }
+    if (status == STATUS_OK)
+        status = number_finish(&m.numbering, vertices);
+    number_drop(&m.numbering);
+    spool_clear(&m.moved);
+    return status;
+}
+
 /* ---- the whole ---- */
 
 uint64_t order_crossing_limit(const struct draft *draft)
@@ -318,8 +416,10 @@ static enum status sort_keys(struct ordering *o)
     if (status == STATUS_OK)
         status = sorter_open(draft->ctx, size, 8, room_left(&draft->room) / 2, draft->room.beside,
                              &o->sorter);
-    if (status == STATUS_OK)
+    if (status == STATUS_OK) {
+        sorter_comes_ordered(o->sorter, o->curve.index_bits);
         status = sorter_expect(o->sorter, draft->face_count);
+    }
     if (status == STATUS_OK)
         status = parallel_ordered(draft->ctx, draft->slab_count, o->in_flight, make_keys,
                                   finish_keys, o);
@@ -348,6 +448,8 @@ enum status order_along_curve(struct draft *draft, const struct frame *frame)
     if (status == STATUS_OK)
         status = sort_keys(&o);
     release_keys(&o);
+    if (status == STATUS_OK && can_number_moving(&o))
+        return move_and_number(&o);
     if (status == STATUS_OK)
         status = move_faces(&o);
     sorter_close(&o.sorter);

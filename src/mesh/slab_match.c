@@ -6,7 +6,8 @@
  * long that list is and whether it has the edge can't be guessed, and a step guessed wrong costs
  * more than all the rest of an edge.
  *
- * Here all corners are filed under their vertices, by counting. Round a vertex each face has an
+ * Here corners are filed under their vertices, by counting, those of half of the vertices at a
+ * time. Round a vertex each face has an
  * edge that leaves it and one that comes in; the edge leaving one face is the one that comes in of
  * the next. A small table of where which edge comes in, written anew for each vertex, tells that
  * without a question; what is found is compared, so that what the table says of other vertices, or
@@ -77,32 +78,63 @@ static inline unsigned edge_into(uint64_t corner)
     return previous3(corner_place(corner));
 }
 
-/* Files the corners of all faces under their vertices: those of local vertex v are
- * [end[v - 1], end[v]). */
-static void file_corners(const struct slab_edges *s, struct slab_matcher *m)
+/* Where the corners of each local vertex would end, were all filed. */
+static void count_corners(const struct slab_edges *s, struct slab_matcher *m)
 {
     const struct slab_scope *scope = &m->scope;
-    const uint32_t locals = scope_local_count(scope), faces = scope->face_count;
+    const uint32_t locals = scope_local_count(scope);
+    uint32_t *end = m->end;
+    memset(end, 0, (size_t)locals * sizeof *end);
+    for (size_t c = 0; c < 3 * (size_t)scope->face_count; c++)
+        end[scope_local(scope, s->faces[c])]++;
+    for (uint32_t v = 1; v < locals; v++)
+        end[v] += end[v - 1];
+}
+
+/* Corners that are filed at a time: a vertex has one of each face at most. */
+static size_t filed_at_once(uint32_t face_count)
+{
+    return (size_t)face_count + face_count / 2 + FEW;
+}
+
+/* The local vertices from `first` on whose corners have room. */
+static uint32_t end_of_round(const struct slab_matcher *m, uint32_t first)
+{
+    const uint32_t locals = scope_local_count(&m->scope), begin = first ? m->end[first - 1] : 0;
+    const size_t room = filed_at_once(m->scope.face_count);
+    uint32_t low = first + 1, high = locals;
+    while (low < high) {
+        uint32_t middle = low + (high - low + 1) / 2;
+        if (m->end[middle - 1] - begin <= room)
+            low = middle;
+        else
+            high = middle - 1;
+    }
+    return low;
+}
+
+/* Files the corners of the local vertices [first, last), from their ends downwards: end[v] becomes
+ * where they begin, counted from the first of all. */
+static void file_corners(const struct slab_edges *s, struct slab_matcher *m, uint32_t first,
+                         uint32_t last)
+{
+    const struct slab_scope *scope = &m->scope;
+    const uint32_t range = last - first, begin = first ? m->end[first - 1] : 0;
+    const uint32_t filed = m->end[last - 1] - begin;
     uint32_t *end = m->end;
     uint64_t *corners = m->corners;
-    memset(end, 0, (size_t)locals * sizeof *end);
-    for (size_t c = 0; c < 3 * (size_t)faces; c++)
-        end[scope_local(scope, s->faces[c])]++;
-    uint32_t begin = 0; /* counts become begins, which filing turns into ends */
-    for (uint32_t v = 0; v < locals; v++) {
-        uint32_t count = end[v];
-        end[v] = begin;
-        begin += count;
-    }
-    for (uint32_t f = 0; f < faces; f++) {
+    for (uint32_t f = scope->face_count; f-- > 0;) {
         const uint32_t *face = s->faces + 3 * (size_t)f;
         const uint32_t a = scope_local(scope, face[0]), b = scope_local(scope, face[1]),
                        c = scope_local(scope, face[2]);
-        corners[end[a]++] = corner_pack(f, 0, b, c);
-        corners[end[b]++] = corner_pack(f, 1, c, a);
-        corners[end[c]++] = corner_pack(f, 2, a, b);
+        if (a - first < range)
+            corners[--end[a] - begin] = corner_pack(f, 0, b, c);
+        if (b - first < range)
+            corners[--end[b] - begin] = corner_pack(f, 1, c, a);
+        if (c - first < range)
+            corners[--end[c] - begin] = corner_pack(f, 2, a, b);
     }
-    memset(corners + 3 * (size_t)faces, 0, FEW * sizeof *corners); /* looked at for nothing */
+    memset(corners + filed, 0, FEW * sizeof *corners); /* looked at for nothing */
 }
 
 /* ---- few faces, each with the next ---- */
@@ -261,16 +293,16 @@ static enum status match_many(const struct slab_edges *s, struct slab_matcher *m
 
 /* ---- the whole ---- */
 
-static enum status match_all(const struct draft *draft, const struct slab_edges *s,
-                             struct slab_matcher *m, bool *is_plain)
+/* What is filed at local vertices [first, last). */
+static enum status match_vertices(const struct draft *draft, const struct slab_edges *s,
+                                  struct slab_matcher *m, uint32_t first, uint32_t last,
+                                  uint32_t end, bool *is_plain)
 {
-    const uint32_t locals = scope_local_count(&m->scope), own = m->scope.own_count;
+    const uint32_t own = m->scope.own_count, begin = m->end[first];
     enum status status = STATUS_OK;
-    memset(s->mates, 0, m->scope.face_count);
-    for (uint32_t v = 0, begin = 0; v < locals && status == STATUS_OK; v++) {
-        const uint64_t *corners = m->corners + begin;
-        const uint32_t count = m->end[v] - begin;
-        begin = m->end[v];
+    for (uint32_t v = first; v < last && status == STATUS_OK; v++) {
+        const uint64_t *corners = m->corners + (m->end[v] - begin);
+        const uint32_t count = (v + 1 < last ? m->end[v + 1] : end) - m->end[v];
         if (count - 3 <= FEW - 3 && match_few(s, m->table, corners, count))
             continue;
         if (count <= SOME) {
@@ -280,6 +312,23 @@ static enum status match_all(const struct draft *draft, const struct slab_edges 
             *is_plain = false;
             status = match_many(s, m, corners, count);
         }
+    }
+    m->end[last - 1] = end; /* for the next round */
+    return status;
+}
+
+static enum status match_all(const struct draft *draft, const struct slab_edges *s,
+                             struct slab_matcher *m, bool *is_plain)
+{
+    const uint32_t locals = scope_local_count(&m->scope);
+    enum status status = STATUS_OK;
+    memset(s->mates, 0, m->scope.face_count);
+    count_corners(s, m);
+    for (uint32_t first = 0; first < locals && status == STATUS_OK;) {
+        const uint32_t last = end_of_round(m, first), end = m->end[last - 1];
+        file_corners(s, m, first, last);
+        status = match_vertices(draft, s, m, first, last, end, is_plain);
+        first = last;
     }
     return status;
 }
@@ -293,7 +342,7 @@ enum status slab_match(struct draft *draft, uint32_t slab, struct slab_matcher *
                                 sizeof *m->end);
     if (status == STATUS_OK)
         status = memory_reserve(ctx, &m->corners, &m->corner_capacity,
-                                3 * (size_t)m->scope.face_count + FEW, sizeof *m->corners);
+                                filed_at_once(m->scope.face_count) + FEW, sizeof *m->corners);
     if (status != STATUS_OK)
         return status;
     const uint32_t first = m->scope.face_first;
@@ -301,7 +350,6 @@ enum status slab_match(struct draft *draft, uint32_t slab, struct slab_matcher *
                                  draft->neighbours + 3 * (size_t)first, draft->mates + first,
                                  first};
     *is_plain = true;
-    file_corners(&s, m);
     return match_all(draft, &s, m, is_plain);
 }
 

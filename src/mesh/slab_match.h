@@ -12,7 +12,7 @@ enum { SLAB_MATCH_TABLE_BITS = 11 };
 
 struct slab_matcher { /* one a worker; all zero before its first use */
     struct slab_scope scope;
-    uint32_t *end; /* a local vertex: where its corners end, and those of the next begin */
+    uint32_t *end; /* a local vertex: where its corners end; when they are filed, begin */
     size_t end_capacity;
     uint64_t *corners; /* by vertex */
     size_t corner_capacity;
