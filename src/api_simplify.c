@@ -14,6 +14,7 @@
 
 #include "api_resume.h"
 #include "base/file.h"
+#include "mesh/store_hold.h"
 #include "simplify/chain_unfold.h"
 
 static const char RAW_NAME[] = "raw.store", STORE_NAME[] = "mesh.store";
@@ -34,8 +35,9 @@ struct run {
     struct run_size size;
     struct clock began;
     struct chain_info chains;
-    struct chain_hold hold; /* of their blocks */
-    bool is_unfolding;      /* the input is a chain file */
+    struct store_hold slabs; /* of the store */
+    struct chain_hold hold;  /* of the chains' blocks */
+    bool is_unfolding;       /* the input is a chain file */
 };
 
 static bool is_resumable(const struct run *run)
@@ -86,6 +88,25 @@ static bool resume_store(struct run *run)
     return true;
 }
 
+/*
+ * What slabs on their way to patchify may take in memory, and again blocks on theirs to lod: a part
+ * of what the budget has beyond what the stages need, the seams taking up to half of it. Besides,
+ * neither makes a run take more than it has before (store_hold.h, chain_hold.h).
+ */
+static uint64_t spare_memory(const struct run *run)
+{
+    const uint64_t memory = job_memory(run->job);
+    uint64_t needed = 0;
+    for (enum run_stage stage = STAGE_IMPORT; stage <= STAGE_LOD; stage++) {
+        const unsigned threads = fitting_threads(run->job, stage, &run->size);
+        const uint64_t least = stage_least_memory(stage, &run->size, threads);
+        needed = least > needed ? least : needed;
+    }
+    if (memory == UINT64_MAX)
+        return UINT64_MAX;
+    return memory > needed ? (memory - needed) / 4 : 0;
+}
+
 static enum status build_store(struct run *run)
 {
     struct store_info info;
@@ -93,6 +114,12 @@ static enum status build_store(struct run *run)
     bool keeps = options->keep_dir != NULL && !options->topology;
     struct import_options import = {.weld = options->import.weld != 0,
                                     .sync = is_resumable(run) || (keeps && options->import.sync)};
+    if (run->work.store_fd >= 0 && !options->topology) {
+        const unsigned threads = fitting_threads(run->job, STAGE_PATCHIFY, &run->size);
+        run->slabs.most_bytes = spare_memory(run);
+        run->slabs.beside = chain_build_memory_beside(threads);
+        import.hold = &run->slabs;
+    }
     enum status status = stage_begin(run->job, STAGE_IMPORT, &run->size);
     if (status == STATUS_OK)
         status = store_build(run->ctx, run->inputs, run->input_count, imported_path(run), &import,
@@ -171,25 +198,6 @@ static bool resume_chains(struct run *run)
     return status == STATUS_OK && crc == run->chains.store_crc;
 }
 
-/*
- * What blocks may take that go to lod in memory: no more than the run has taken before; and where
- * the budget is narrow, a part of what the stages that they are there in can do without.
- */
-static void limit_hold(struct run *run)
-{
-    const uint64_t memory = job_memory(run->job);
-    uint64_t needed = 0;
-    for (enum run_stage stage = STAGE_PATCHIFY; stage <= STAGE_LOD; stage++) {
-        const unsigned threads = fitting_threads(run->job, stage, &run->size);
-        const uint64_t least = stage_least_memory(stage, &run->size, threads);
-        needed = least > needed ? least : needed;
-    }
-    run->hold.most_in_use = atomic_load(&run->ctx->memory_peak);
-    run->hold.most_bytes = memory == UINT64_MAX ? UINT64_MAX
-                           : memory > needed    ? (memory - needed) / 4
-                                                : 0;
-}
-
 static enum status patchify_stage(struct run *run)
 {
     const spbm_simplify_options *options = run->options;
@@ -198,8 +206,12 @@ static enum status patchify_stage(struct run *run)
         make_request(&options->patch, keeps ? CHAIN_KEPT_LEVEL : 0,
                      is_resumable(run) || (keeps && options->patch.sync));
     request.is_own_store = run->work.store_fd >= 0;
-    request.hold = run->work.chains_fd >= 0 ? &run->hold : NULL;
-    limit_hold(run);
+    request.slabs = request.is_own_store ? &run->slabs : NULL;
+    if (run->work.chains_fd >= 0) {
+        run->hold.most_bytes = spare_memory(run);
+        run->hold.most_in_use = atomic_load(&run->ctx->memory_peak);
+        request.hold = &run->hold;
+    }
     enum status status = STATUS_OK;
     if (!resumed) {
         status = stage_begin(run->job, STAGE_PATCHIFY, &run->size);
@@ -207,6 +219,7 @@ static enum status patchify_stage(struct run *run)
             status = chain_build(run->ctx, run->work.store, run->work.chains, &run->size.target,
                                  &request, &run->chains);
     }
+    store_hold_clear(&run->slabs);
     if (status != STATUS_OK)
         return status;
     stage_end(run, stage_name(STAGE_PATCHIFY), resumed);
@@ -356,6 +369,7 @@ static void close_places(struct run *run, enum status status)
     if (keeps)
         tell(run->ctx, MESSAGE_NOTE, "%s: finished stages are kept for the same command to go on",
              run->folder.path);
+    store_hold_clear(&run->slabs);
     chain_hold_clear(&run->hold);
     run_folder_close(&run->folder, keeps);
     workspace_explain(&run->work);

@@ -311,6 +311,24 @@ void memory_release(struct context *ctx, void *inout, size_t count, size_t size)
     set_pointer(inout, NULL);
 }
 
+void memory_release_front(struct context *ctx, void *inout, size_t *bytes, size_t front)
+{
+    unsigned char *block = get_pointer(inout);
+    if (!block || front >= *bytes) {
+        memory_release(ctx, inout, *bytes, 1);
+        *bytes = 0;
+        return;
+    }
+    const size_t pages = front & ~(page_size() - 1);
+    if (!is_map(*bytes) || !is_map(*bytes - pages) || pages == 0)
+        return;
+    ASAN_UNPOISON_MEMORY_REGION(block, pages);
+    munmap(block, pages);
+    account_remove(ctx, pages);
+    *bytes -= pages;
+    set_pointer(inout, block + pages);
+}
+
 enum status memory_hold(struct context *ctx, uint64_t bytes)
 {
     if (allocation_fault_due(ctx) || !account_add(ctx, bytes))

@@ -96,10 +96,13 @@ struct store; /* opened for reading; may be shared by threads */
  * `verify`), by store_check whole. */
 enum status store_open(struct context *ctx, const char *path, bool verify, struct store **out)
     MUST_CHECK;
+/* The same for a store that this very process wrote where nobody else can reach it: what has the
+ * right checksum is then as it was written, and slabs are not judged again. Slabs that `hold` (may
+ * be NULL) got from store_build are taken from there; it outlives the store. */
+struct store_hold;
+enum status store_open_own(struct context *ctx, const char *path, struct store_hold *hold,
+                           struct store **out) MUST_CHECK;
 void store_close(struct store **store);
-/* Says that this very process wrote the store where nobody else can reach it: what has the right
- * checksum is then as it was written, and slabs are not judged again. */
-void store_trust(struct store *store);
 const struct store_info *store_info(const struct store *store);
 /* The CRC in the file's end marker (header and section table, and so all sections' CRCs): says which
  * store a chain file came from. */
@@ -107,6 +110,9 @@ enum status store_crc(struct store *store, uint32_t *crc) MUST_CHECK;
 
 enum status slab_open(struct store *store, uint32_t index, struct slab *slab) MUST_CHECK;
 void slab_close(struct slab *slab); /* unmaps it; safe when all zero */
+/* Nobody will open the slab again, or look at it but for its vertices' records: what holds it in
+ * memory may give that back. From any worker, once a slab. */
+void slab_forget(struct store *store, uint32_t index);
 
 /* The same, but read into `buffer`, slab_size(...) bytes on a multiple of 16, which the slab
  * then points into: for those who go over it once and have room that they will use again. */
@@ -142,6 +148,8 @@ struct import_options {
     uint64_t working_memory; /* for tests: bytes for tables, sorts and spools together, in place of
                                 what the budget leaves for them; 0: not */
     uint64_t index_limit;    /* for tests: the most vertices and faces; 0: mesh_limit */
+    struct store_hold *hold; /* takes what slabs its limits allow, which the store then lacks: it is
+                                for store_open_own alone; NULL: all are written */
 };
 
 /*

@@ -319,7 +319,8 @@ static void describe(struct build *build)
 static enum status write_store(struct build *build, struct survey *survey)
 {
     describe(build);
-    return store_write(&build->draft, &build->frame, &build->writer, &build->info, survey);
+    return store_write(&build->draft, &build->frame, &build->writer, &build->info, survey,
+                       build->options->hold);
 }
 
 /*

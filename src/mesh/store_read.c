@@ -17,13 +17,15 @@
 #include "base/memory.h"
 #include "mesh/draft.h"
 #include "mesh/slab_judge.h"
+#include "mesh/store_hold.h"
 #include "mesh/store_layout.h"
 
 struct store {
     struct context *ctx;
     struct section_reader reader;
     bool verify;
-    bool is_own; /* store_trust */
+    bool is_own; /* store_open_own */
+    struct store_hold *hold;
     struct store_info info;
     const struct section *slabs;
     struct slab_entry *entries;
@@ -103,7 +105,7 @@ static const char *judge_table(const struct store *store)
             return "a slab is out of place";
         struct slab_layout layout;
         slab_layout_find(entry, info->attributes.stride, &layout);
-        offset += layout.size;
+        offset += store_hold_has(store->hold, i) ? 0 : layout.size;
         vertices += entry->vertex_count;
         faces += entry->face_count;
     }
@@ -141,7 +143,8 @@ static enum status load_table(struct store *store)
     return status;
 }
 
-enum status store_open(struct context *ctx, const char *path, bool verify, struct store **out)
+static enum status open_store(struct context *ctx, const char *path, bool verify, bool is_own,
+                              struct store_hold *hold, struct store **out)
 {
     struct store *store;
     *out = NULL;
@@ -150,6 +153,8 @@ enum status store_open(struct context *ctx, const char *path, bool verify, struc
         return status;
     store->ctx = ctx;
     store->verify = verify;
+    store->is_own = is_own;
+    store->hold = hold;
     status =
         section_file_open(ctx, path, STORE_MAGIC, STORE_VERSION, "a mesh store", &store->reader);
     if (status != STATUS_OK) {
@@ -171,6 +176,17 @@ enum status store_open(struct context *ctx, const char *path, bool verify, struc
     return STATUS_OK;
 }
 
+enum status store_open(struct context *ctx, const char *path, bool verify, struct store **out)
+{
+    return open_store(ctx, path, verify, false, NULL, out);
+}
+
+enum status store_open_own(struct context *ctx, const char *path, struct store_hold *hold,
+                           struct store **out)
+{
+    return open_store(ctx, path, true, true, hold, out);
+}
+
 void store_close(struct store **store)
 {
     struct store *old = *store;
@@ -182,11 +198,6 @@ void store_close(struct store **store)
     memory_release(ctx, &old->is_checked, old->info.slab_count, 1);
     section_file_close(&old->reader);
     memory_release(ctx, &old, 1, sizeof *old);
-}
-
-void store_trust(struct store *store)
-{
-    store->is_own = true;
 }
 
 const struct store_info *store_info(const struct store *store)
@@ -285,6 +296,10 @@ enum status slab_open(struct store *store, uint32_t index, struct slab *slab)
     memset(slab, 0, sizeof *slab);
     if (index >= store->info.slab_count)
         return no_slab(store, index);
+    if (store_hold_has(store->hold, index)) {
+        store_hold_give(store->hold, index, slab);
+        return STATUS_OK;
+    }
     struct slab_layout layout;
     slab_layout_find(&store->entries[index], store->info.attributes.stride, &layout);
     struct window *window = &slab->windows[0];
@@ -313,6 +328,10 @@ enum status slab_read(struct store *store, uint32_t index, void *buffer, struct 
     memset(slab, 0, sizeof *slab);
     if (index >= store->info.slab_count)
         return no_slab(store, index);
+    if (store_hold_has(store->hold, index)) {
+        store_hold_give(store->hold, index, slab);
+        return STATUS_OK;
+    }
     struct slab_layout layout;
     slab_layout_find(&store->entries[index], store->info.attributes.stride, &layout);
     enum status status =
@@ -325,6 +344,12 @@ void slab_close(struct slab *slab)
 {
     window_close(&slab->windows[0]);
     memset(slab, 0, sizeof *slab);
+}
+
+void slab_forget(struct store *store, uint32_t index)
+{
+    if (store_hold_has(store->hold, index))
+        store_hold_forget(store->hold, index);
 }
 
 const float *slab_position(const struct slab *slab, uint32_t vertex)
@@ -349,6 +374,12 @@ enum status store_record(struct store *store, uint32_t vertex, unsigned char *re
             low = middle;
         else
             high = middle;
+    }
+    if (store_hold_has(store->hold, low)) {
+        struct slab slab;
+        store_hold_give(store->hold, low, &slab);
+        memcpy(record, slab.records + (size_t)(vertex - slab.vertex_first) * stride, stride);
+        return STATUS_OK;
     }
     if (store->verify && !atomic_load_explicit(&store->is_checked[low], memory_order_acquire)) {
         struct slab slab;

@@ -1,7 +1,7 @@
 /*
  * The store is written front to back, a slab's block at a time: workers gather positions and
  * records, measure and compute the CRC; one thread appends. Faces and adjacency go out as they lie
- * in the draft.
+ * in the draft. Slabs that are held (store_hold.h) are measured only.
  */
 #include "mesh/store_write.h"
 
@@ -44,6 +44,7 @@ struct writing {
     struct slab_measures measures;
     uint64_t offset;
     struct surveying *surveying; /* NULL: it was done before */
+    struct store_hold *hold;     /* or NULL */
 };
 
 static const unsigned char zeros[STORE_PIECE_ALIGN];
@@ -138,6 +139,8 @@ static enum status prepare_block(void *user, uint64_t job, unsigned worker)
     measure_slab(w->draft, &b->scope, b->own, b->foreign_positions, &b->measures);
     lay_out(w, b);
     b->entry.crc = 0;
+    if (store_hold_has(w->hold, (uint32_t)job))
+        return STATUS_OK; /* not written, and so not to be found damaged */
     for (int i = 0; i < PIECES; i++) {
         struct piece *piece = &b->pieces[i];
         piece->crc = piece->size ? checksum(0, piece->data, (size_t)piece->size) : 0;
@@ -154,11 +157,14 @@ static enum status append_block(void *user, uint64_t job)
     struct writing *w = user;
     struct block *b = &w->blocks[job % w->in_flight];
     measures_add(&w->measures, &b->measures);
+    const bool is_held = store_hold_has(w->hold, (uint32_t)job);
     b->entry.offset = w->offset;
-    w->offset += b->layout.size;
+    w->offset += is_held ? 0 : b->layout.size;
     slab_entry_encode(&b->entry, w->table + job * STORE_SLAB_ENTRY_SIZE);
     enum status status = w->surveying ? survey_add(w->surveying, job) : STATUS_OK;
-    for (int i = 0; i < PIECES && status == STATUS_OK; i++) {
+    if (status == STATUS_OK && is_held)
+        status = store_hold_add(w->hold, &b->scope, (uint32_t)job, b->foreign_positions);
+    for (int i = 0; i < PIECES && status == STATUS_OK && !is_held; i++) {
         const struct piece *piece = &b->pieces[i];
         status = section_append_summed(w->writer, piece->data, (size_t)piece->size, piece->crc);
         if (status == STATUS_OK)
@@ -243,14 +249,19 @@ static enum status write_rest(struct writing *w, struct store_info *info)
 
 enum status store_write(struct draft *draft, const struct frame *frame,
                         struct section_writer *writer, struct store_info *info,
-                        struct survey *survey)
+                        struct survey *survey, struct store_hold *hold)
 {
     struct context *ctx = draft->ctx;
-    struct writing w = {
-        .draft = draft, .frame = frame, .writer = writer, .in_flight = draft->room.in_flight};
+    struct writing w = {.draft = draft,
+                        .frame = frame,
+                        .writer = writer,
+                        .in_flight = draft->room.in_flight,
+                        .hold = hold};
     enum status status = memory_take_zeroed(ctx, w.in_flight, sizeof *w.blocks, &w.blocks);
     if (status == STATUS_OK)
         status = memory_take(ctx, draft->slab_count, STORE_SLAB_ENTRY_SIZE, &w.table);
+    if (status == STATUS_OK && hold)
+        status = store_hold_begin(hold, draft);
     if (status == STATUS_OK && survey)
         status = survey_begin(draft, w.in_flight, survey, &w.surveying);
     if (status == STATUS_OK)
@@ -260,8 +271,11 @@ enum status store_write(struct draft *draft, const struct frame *frame,
     if (status == STATUS_OK && survey)
         info->topology = survey->topology;
     survey_close(&w.surveying);
-    if (status == STATUS_OK && (!survey || survey_is_clean(survey)))
+    const bool is_whole = status == STATUS_OK && (!survey || survey_is_clean(survey));
+    if (is_whole)
         status = write_rest(&w, info);
     release(&w);
+    if (is_whole && status == STATUS_OK && hold)
+        status = store_hold_take(hold, draft);
     return status;
 }

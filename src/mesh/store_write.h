@@ -6,6 +6,7 @@
 
 #include "base/section_file.h"
 #include "mesh/slab_geometry.h"
+#include "mesh/store_hold.h"
 #include "mesh/survey.h"
 
 /*
@@ -15,9 +16,11 @@
  * With a survey (else NULL) the slabs are surveyed while they are in hand; info->topology is what
  * that finds. If it is not clean, the slabs were written in vain, and the sections behind them are
  * left out: the file is to be begun again. survey_clear is due.
+ *
+ * With `hold` (else NULL) the slabs that it takes are left out, and it has them when all is well.
  */
 enum status store_write(struct draft *draft, const struct frame *frame,
                         struct section_writer *writer, struct store_info *info,
-                        struct survey *survey) MUST_CHECK;
+                        struct survey *survey, struct store_hold *hold) MUST_CHECK;
 
 #endif

@@ -422,13 +422,10 @@ static void begin(struct patch_workspace *space, const struct patch_options *opt
                   (size_t)local->face_count + BEYOND_COUNT);
 }
 
-/* All but making room. */
-static enum status begin_slab(struct context *ctx, const struct slab *slab,
-                              const struct patch_options *options, struct patch_workspace *space)
+/* All that comes after filling the local slab. */
+static void begin_growth(struct context *ctx, const struct patch_options *options,
+                         struct patch_workspace *space)
 {
-    enum status status = slab_local_fill(ctx, slab, space->links, &space->local);
-    if (status)
-        return status;
     if (options->smoothings % 2) { /* each swaps them; the normals are to be behind the spare */
         float *swap = space->normals;
         space->normals = space->spare;
@@ -437,7 +434,6 @@ static enum status begin_slab(struct context *ctx, const struct slab *slab,
     begin(space, options,
           face_normals_fill(cpu_level(ctx), &space->local, options->smoothings, &space->normals,
                             &space->spare));
-    return STATUS_OK;
 }
 
 enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
@@ -445,26 +441,34 @@ enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
 {
     const size_t own = slab->vertex_end - slab->vertex_first;
     enum status status = reserve(ctx, space, slab->face_count, own + slab->foreign_count, 0);
-    return status ? status : begin_slab(ctx, slab, options, space);
+    if (!status)
+        status = slab_local_fill(ctx, slab, space->links, &space->local);
+    if (!status)
+        begin_growth(ctx, options, space);
+    return status;
 }
 
 enum status patch_growth_open(struct context *ctx, struct store *store, uint32_t index,
                               const struct patch_options *options, struct patch_workspace *space,
                               struct slab *slab)
 {
-    enum status status;
-    if (store_info(store)->attributes.stride) { /* they are asked for to the end */
-        status = slab_open(store, index, slab);
-        return status ? status : patch_growth_begin(ctx, slab, options, space);
-    }
-    memset(slab, 0, sizeof *slab);
+    const bool has_records =
+        store_info(store)->attributes.stride; /* they are asked for to the end */
+    enum status status = STATUS_OK;
     uint32_t faces, vertices;
     const uint64_t size = slab_size(store, index, &faces, &vertices);
-    status = reserve(ctx, space, faces, vertices, (size_t)size);
+    memset(slab, 0, sizeof *slab);
+    if (has_records)
+        status = slab_open(store, index, slab);
     if (!status)
+        status = reserve(ctx, space, faces, vertices, has_records ? 0 : (size_t)size);
+    if (!status && !has_records)
         status = slab_read(store, index, space->room, slab);
     if (!status)
-        status = begin_slab(ctx, slab, options, space);
+        status = slab_local_fill(ctx, slab, space->links, &space->local);
+    slab_forget(store, index);
+    if (!status)
+        begin_growth(ctx, options, space);
     slab->faces = slab->neighbours = slab->foreign = NULL;
     slab->positions = slab->foreign_positions = NULL;
     slab->mates = NULL;

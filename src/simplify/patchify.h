@@ -92,8 +92,8 @@ enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
                                const struct patch_options *options,
                                struct patch_workspace *space) MUST_CHECK;
 
-/* The same for a slab of a store; *slab is to be closed by the caller, and has its arrays only when
- * the store has attributes. */
+/* The same for a slab of a store, which is not opened again; *slab is to be closed by the caller,
+ * and has of its arrays the records only. */
 enum status patch_growth_open(struct context *ctx, struct store *store, uint32_t index,
                               const struct patch_options *options, struct patch_workspace *space,
                               struct slab *slab) MUST_CHECK;

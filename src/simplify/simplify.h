@@ -37,7 +37,8 @@ struct patch_request {
     bool chain_tolerance_is_relative; /* fraction of the diagonal */
     int level;             /* compression; 0 for a file that lives for one run */
     bool sync;
-    bool is_own_store;     /* store_trust */
+    bool is_own_store;     /* store_open_own */
+    struct store_hold *slabs; /* of the own store, or NULL; they are used up */
     struct chain_hold *hold; /* for what blocks its limits allow; NULL: all go into the file */
 };
 
@@ -50,6 +51,10 @@ void patch_choose(const struct store_info *info, const struct target *target,
  * borders have); `stride`: bytes of a vertex's attribute record. With less, chain_build uses fewer
  * threads. The formula is in chain_build.c. */
 uint64_t chain_build_least_memory(unsigned threads, uint32_t stride);
+
+/* What `threads` threads of chain_build usually take beside slabs that import held in memory
+ * (store_hold.h), less what they give back of these. */
+uint64_t chain_build_memory_beside(unsigned threads);
 
 /* Makes the chain file of a store. *info (may be NULL) tells what came out. */
 enum status chain_build(struct context *ctx, const char *store_path, const char *chain_path,

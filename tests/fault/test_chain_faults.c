@@ -9,30 +9,29 @@
 #include <sys/stat.h>
 
 #include "base/memory.h"
-#include "mesh/store.h"
+#include "mesh/store_hold.h"
 #include "simplify/patchify.h"
 #include "simplify/simplify.h"
 #include "test_kit.h"
 #include "test_shapes.h"
 
-static char store_path[256], chain_path[256], other_path[256], kept_path[256];
+static char scan_path[256], store_path[256], chain_path[256], other_path[256], kept_path[256];
 
 static int set_up(void **unused)
 {
     (void)unused;
     struct context ctx;
     context_init(&ctx);
-    char scan[256];
-    snprintf(scan, sizeof scan, "%s", test_path("faults.ply"));
+    snprintf(scan_path, sizeof scan_path, "%s", test_path("faults.ply"));
     snprintf(store_path, sizeof store_path, "%s", test_path("faults.store"));
     snprintf(chain_path, sizeof chain_path, "%s", test_path("faults.chains"));
     snprintf(other_path, sizeof other_path, "%s", test_path("other.chains"));
     snprintf(kept_path, sizeof kept_path, "%s", test_path("kept.chains"));
     struct shape shape = shape_noisy_torus(24, 12, 0.02, 1);
-    shape_write(&shape, SHAPE_PLY_LITTLE, scan);
+    shape_write(&shape, SHAPE_PLY_LITTLE, scan_path);
     shape_free(&shape);
     struct import_options options = {.slab_shift = 6};
-    const char *inputs[] = {scan};
+    const char *inputs[] = {scan_path};
     int result = store_build(&ctx, inputs, 1, store_path, &options, NULL) != STATUS_OK;
     context_clear(&ctx);
     return result;
@@ -106,6 +105,38 @@ static enum status run_labels(struct context *ctx)
     return status;
 }
 
+/* All stages with what they hand on in memory. */
+static enum status run_held(struct context *ctx)
+{
+    char store[256];
+    snprintf(store, sizeof store, "%s", test_path("held.store"));
+    struct store_hold slabs = {.most_bytes = UINT64_MAX};
+    struct chain_hold blocks = {.most_bytes = UINT64_MAX, .most_in_use = UINT64_MAX};
+    const struct import_options import = {.slab_shift = 6, .hold = &slabs};
+    const struct target target = {.count = 1, .values = {60}, .mode = MODE_COLLAPSE, .effort = 1};
+    const struct patch_request request = {.patch_angle = {-1, -1},
+                                          .face_angle = {-1, -1},
+                                          .smoothings = 1,
+                                          .chain_tolerance = -1,
+                                          .is_own_store = true,
+                                          .slabs = &slabs,
+                                          .hold = &blocks};
+    struct lod_options options = {.target = target, .is_own_file = true, .hold = &blocks};
+    char output[256];
+    snprintf(output, sizeof output, "%s", test_path("faults-out.ply"));
+    options.output = output;
+    const char *inputs[] = {scan_path};
+    struct lod_report report;
+    enum status status = store_build(ctx, inputs, 1, store, &import, NULL);
+    if (!status)
+        status = chain_build(ctx, store, other_path, &target, &request, NULL);
+    store_hold_clear(&slabs);
+    if (!status)
+        status = lod_build(ctx, other_path, &options, &report);
+    chain_hold_clear(&blocks);
+    return status;
+}
+
 static void every_fault(enum status (*run)(struct context *ctx), unsigned threads)
 {
     for (uint64_t after = 0;; after++) {
@@ -137,6 +168,7 @@ static void labels(void **unused)
 static void building(void **unused)
 {
     (void)unused;
+    every_fault(run_held, 1);
     every_fault(run_build, 1);
     every_fault(run_build, 2);
 }

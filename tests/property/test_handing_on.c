@@ -1,14 +1,15 @@
 /*
- * What stages of a run hand on is the same whether it goes through files or memory: every block of
- * a chain file, and every level made of them, whatever part of the blocks is held.
+ * What stages of a run hand on is the same whether it goes through files or memory: all slabs of a
+ * store, all blocks of a chain file, and every level made of them, whatever part is held.
  */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
-#include "mesh/store.h"
+#include "mesh/store_hold.h"
 #include "simplify/simplify.h"
+#include "spbm.h"
 #include "test_chains.h"
 #include "test_files.h"
 #include "test_kit.h"
@@ -60,22 +61,34 @@ static struct shape shape_number(unsigned number)
 enum { SHAPES = 4 };
 
 struct places {
-    char folder[TEST_PATH], input[TEST_PATH], store[TEST_PATH], whole[TEST_PATH];
-    char chains[TEST_PATH], level[TEST_PATH];
+    char folder[TEST_PATH], input[TEST_PATH], store[TEST_PATH], short_store[TEST_PATH];
+    char whole[TEST_PATH], chains[TEST_PATH], level[TEST_PATH];
 };
 
 static const struct target target = {
     .kind = TARGET_RATIO, .count = 1, .values = {0.1}, .effort = 2};
 
+static const struct patch_request no_request = {.patch_angle = {-1, -1},
+                                                .face_angle = {-1, -1},
+                                                .smoothings = -1,
+                                                .chain_tolerance = -1,
+                                                .is_own_store = true};
+
+static enum status read_info(struct context *ctx, const char *path, struct chain_info *info)
+{
+    struct chain_file *file;
+    enum status status = chain_file_open(ctx, path, &file);
+    if (status == STATUS_OK)
+        *info = *chain_file_info(file);
+    chain_file_close(&file);
+    return status;
+}
+
 static enum status build_chains(struct context *ctx, const struct places *places, const char *path,
                                 struct chain_hold *hold)
 {
-    const struct patch_request request = {.patch_angle = {-1, -1},
-                                          .face_angle = {-1, -1},
-                                          .smoothings = -1,
-                                          .chain_tolerance = -1,
-                                          .is_own_store = true,
-                                          .hold = hold};
+    struct patch_request request = no_request;
+    request.hold = hold;
     return chain_build(ctx, places->store, path, &target, &request, NULL);
 }
 
@@ -163,29 +176,163 @@ static void check(const struct places *places, enum lod_mode mode)
     free(first.bytes);
 }
 
+static void make_places(struct places *places)
+{
+    folder_make(places->folder);
+    folder_path(places->input, places->folder, "in.ply");
+    folder_path(places->store, places->folder, "mesh.store");
+    folder_path(places->short_store, places->folder, "short.store");
+    folder_path(places->whole, places->folder, "whole.chains");
+    folder_path(places->chains, places->folder, "mesh.chains");
+    folder_path(places->level, places->folder, "out.ply");
+}
+
+static void import(struct context *outer, const struct places *places, const char *store,
+                   struct store_hold *hold)
+{
+    const struct import_options options = {.slab_shift = 9, .hold = hold};
+    const char *inputs[] = {places->input};
+    must_do(outer, store_build(outer, inputs, 1, store, &options, NULL), __LINE__);
+}
+
+/* The shape in a file, every other time with attributes; and its store. */
+static void make_store(const struct places *places, unsigned number)
+{
+    struct context ctx;
+    struct shape shape = shape_number(number / 2);
+    if (number % 2)
+        write_numbered(&shape, places->input);
+    else
+        shape_write(&shape, SHAPE_PLY_LITTLE, places->input);
+    shape_free(&shape);
+    context_init(&ctx);
+    import(&ctx, places, places->store, NULL);
+    assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+}
+
+static void slabs_must_agree(const struct slab *one, const struct slab *other, uint32_t stride)
+{
+    const size_t faces = one->face_count, own = one->vertex_end - one->vertex_first;
+    assert_int_equal(one->index, other->index);
+    assert_int_equal(one->face_first, other->face_first);
+    assert_int_equal(one->face_count, other->face_count);
+    assert_int_equal(one->vertex_first, other->vertex_first);
+    assert_int_equal(one->vertex_end, other->vertex_end);
+    assert_int_equal(one->foreign_count, other->foreign_count);
+    assert_memory_equal(one->faces, other->faces, 12 * faces);
+    assert_memory_equal(one->neighbours, other->neighbours, 12 * faces);
+    assert_memory_equal(one->mates, other->mates, faces);
+    assert_memory_equal(one->positions, other->positions, 12 * own);
+    assert_memory_equal(one->foreign, other->foreign, 4 * (size_t)one->foreign_count);
+    assert_memory_equal(one->foreign_positions, other->foreign_positions,
+                        12 * (size_t)one->foreign_count);
+    if (stride)
+        assert_memory_equal(one->records, other->records, stride * own);
+}
+
+/* The store whose slabs are held against the whole one. */
+static void slabs_must_be_alike(struct context *outer, const struct places *places,
+                                struct store_hold *hold)
+{
+    struct context ctx;
+    struct store *one, *other;
+    context_init(&ctx);
+    must(store_open(&ctx, places->store, true, &one));
+    must_do(outer, store_open_own(outer, places->short_store, hold, &other), __LINE__);
+    const struct store_info *info = store_info(one);
+    const uint32_t stride = info->attributes.stride;
+    assert_memory_equal(&info->topology, &store_info(other)->topology, sizeof info->topology);
+    assert_true(info->mean_edge == store_info(other)->mean_edge);
+    assert_true(info->noise == store_info(other)->noise && info->area == store_info(other)->area);
+    for (uint32_t i = 0; i < info->slab_count; i++) {
+        struct slab slab, again;
+        must(slab_open(one, i, &slab));
+        must_do(outer, slab_open(other, i, &again), __LINE__);
+        slabs_must_agree(&slab, &again, stride);
+        slab_close(&again);
+        uint32_t faces, vertices;
+        const size_t size = slab_size(other, i, &faces, &vertices);
+        void *buffer = aligned_alloc(64, size);
+        assert_non_null(buffer);
+        must_do(outer, slab_read(other, i, buffer, &again), __LINE__);
+        slabs_must_agree(&slab, &again, stride);
+        slab_close(&again);
+        free(buffer);
+        slab_close(&slab);
+    }
+    for (uint32_t v = 0; stride && v < info->topology.vertices; v += 7) {
+        unsigned char record[64], again[64];
+        must(store_record(one, v, record));
+        must_do(outer, store_record(other, v, again), __LINE__);
+        assert_memory_equal(record, again, stride);
+    }
+    store_close(&one);
+    store_close(&other);
+    assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+}
+
+/* A run in which import may hand on so many bytes in memory; returns how many slabs it did. */
+static uint32_t hand_on_slabs(const struct places *places, unsigned threads, uint64_t most_bytes,
+                              struct first_bytes *first)
+{
+    struct context ctx;
+    struct store_hold slabs = {.most_bytes = most_bytes};
+    struct chain_hold blocks = {.most_bytes = UINT64_MAX, .most_in_use = UINT64_MAX};
+    context_init(&ctx);
+    ctx.threads = threads;
+    memory_keep_spares(&ctx, true);
+    import(&ctx, places, places->short_store, &slabs);
+    const uint32_t count = slabs.slab_count;
+    slabs_must_be_alike(&ctx, places, &slabs);
+    struct patch_request request = no_request;
+    request.slabs = &slabs;
+    request.hold = &blocks;
+    must(chain_build(&ctx, places->short_store, places->chains, &target, &request, NULL));
+    assert_int_equal(slabs.done_before, count);
+    store_hold_clear(&slabs);
+    (void)blocks_must_be_alike(&ctx, places, &blocks);
+    compare_levels(&ctx, places, places->chains, &blocks, first, MODE_COLLAPSE);
+    chain_hold_clear(&blocks);
+    assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+    return count;
+}
+
+static void test_slabs(void **unused)
+{
+    (void)unused;
+    struct places places;
+    make_places(&places);
+    for (unsigned i = 0; i < 2 * SHAPES; i++) {
+        struct context ctx;
+        struct first_bytes first = {0};
+        make_store(&places, i);
+        context_init(&ctx);
+        must(build_chains(&ctx, &places, places.whole, NULL));
+        compare_levels(&ctx, &places, places.whole, NULL, &first, MODE_COLLAPSE);
+        struct chain_info info = {0};
+        must(read_info(&ctx, places.whole, &info));
+        context_clear(&ctx);
+        assert_int_equal(hand_on_slabs(&places, 1, UINT64_MAX, &first), info.slab_count);
+        assert_int_equal(hand_on_slabs(&places, 2, UINT64_MAX, &first), info.slab_count);
+        assert_int_equal(hand_on_slabs(&places, 2, 0, &first), 0);
+        const uint64_t half = info.topology.faces * 25 / 2 + info.topology.vertices * 6;
+        const uint32_t part = hand_on_slabs(&places, 2, half, &first);
+        assert_true(part < info.slab_count && (part > 0 || info.slab_count < 3));
+        free(first.bytes);
+    }
+    folder_remove(places.folder);
+}
+
 static void test_blocks(void **unused)
 {
     (void)unused;
     struct places places;
-    folder_make(places.folder);
-    folder_path(places.input, places.folder, "in.ply");
-    folder_path(places.store, places.folder, "mesh.store");
-    folder_path(places.whole, places.folder, "whole.chains");
-    folder_path(places.chains, places.folder, "mesh.chains");
-    folder_path(places.level, places.folder, "out.ply");
+    make_places(&places);
     for (unsigned i = 0; i < 2 * SHAPES; i++) {
-        struct context ctx;
-        struct shape shape = shape_number(i / 2);
-        if (i % 2)
-            write_numbered(&shape, places.input);
-        else
-            shape_write(&shape, SHAPE_PLY_LITTLE, places.input);
-        shape_free(&shape);
-        const struct import_options options = {.slab_shift = 9};
-        const char *inputs[] = {places.input};
-        context_init(&ctx);
-        must(store_build(&ctx, inputs, 1, places.store, &options, NULL));
-        context_clear(&ctx);
+        make_store(&places, i);
         check(&places, MODE_COLLAPSE);
         if (i % 2)
             check(&places, MODE_CLASSIC);
@@ -193,8 +340,51 @@ static void test_blocks(void **unused)
     folder_remove(places.folder);
 }
 
+/* The whole run, with slabs of the program's own size: files are kept, the budget leaves nothing
+ * for holding, and no budget. */
+static void test_runs(void **unused)
+{
+    (void)unused;
+    struct places places;
+    char keep[TEST_PATH + 8];
+    struct first_bytes first = {0};
+    make_places(&places);
+    snprintf(keep, sizeof keep, "%s/keep", places.folder);
+    struct shape shape = shape_noisy_torus(800, 400, 0.001, 5);
+    shape_write(&shape, SHAPE_PLY_LITTLE, places.input);
+    shape_free(&shape);
+    for (unsigned i = 0; i < 3; i++) {
+        spbm_settings settings;
+        spbm_job *job;
+        spbm_simplify_options options;
+        spbm_settings_defaults(&settings);
+        settings.memory = i == 1 ? 64 << 20 : 0;
+        settings.threads = 1 + i / 2;
+        assert_int_equal(spbm_job_open(&settings, &job), SPBM_OK);
+        spbm_simplify_defaults(&options);
+        options.target.kind = SPBM_BY_FACES;
+        options.target.count = 1;
+        options.target.values[0] = 1000;
+        options.target.effort = 1;
+        options.keep_dir = i == 0 ? keep : NULL;
+        const char *inputs[] = {places.input};
+        const spbm_status status = spbm_simplify(job, inputs, 1, places.level, &options, NULL);
+        if (status != SPBM_OK)
+            fail_msg("run %u: status %d: %s", i, (int)status, spbm_job_error(job));
+        size_t size;
+        unsigned char *bytes = file_read(places.level, &size);
+        assert_non_null(bytes);
+        first_bytes_compare(&first, bytes, size);
+        spbm_job_close(&job);
+    }
+    free(first.bytes);
+    folder_remove(keep);
+    folder_remove(places.folder);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_blocks)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_slabs), cmocka_unit_test(test_blocks),
+                                       cmocka_unit_test(test_runs)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

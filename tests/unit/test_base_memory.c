@@ -43,6 +43,44 @@ static void empty_blocks_are_valid(void **state)
     memory_release(ctx, &block, 0, 8);
 }
 
+static void fronts_are_released(void **state)
+{
+    struct context *ctx = *state;
+    static const size_t fronts[] = {0, 1, 4096, 300000, 1 << 19, (1 << 20) - 1, 1 << 20};
+    for (size_t i = 0; i < 2 * sizeof fronts / sizeof *fronts; i++) {
+        const size_t front = fronts[i / 2], all = 1 << 20;
+        size_t left = all;
+        unsigned char *block, *rest;
+        memory_keep_spares(ctx, i % 2);
+        assert_int_equal(memory_take(ctx, all, 1, &block), STATUS_OK);
+        for (size_t k = 0; k < all; k++)
+            block[k] = (unsigned char)(k * 7 + k / 256);
+        rest = block;
+        memory_release_front(ctx, &rest, &left, front);
+        assert_int_equal(ctx->memory_now, left);
+        if (front == all) {
+            assert_null(rest);
+            continue;
+        }
+        assert_ptr_equal(rest + left, block + all);
+        assert_true(all - left <= front);
+        if (front > 100000 && front < 800000)
+            assert_true(front - (all - left) < 65536);
+        for (size_t k = all - left; k < all; k++)
+            assert_int_equal(block[k], (unsigned char)(k * 7 + k / 256));
+        memory_release(ctx, &rest, left, 1);
+        assert_int_equal(ctx->memory_now, 0);
+    }
+    unsigned char *small;
+    size_t bytes = 1000;
+    assert_int_equal(memory_take(ctx, bytes, 1, &small), STATUS_OK);
+    memory_release_front(ctx, &small, &bytes, 999);
+    assert_int_equal(bytes, 1000);
+    memory_release_front(ctx, &small, &bytes, 1000);
+    assert_null(small);
+    memory_keep_spares(ctx, false);
+}
+
 /* Sizes on both sides of the step from malloc to maps, in every order of two. */
 static void contents_survive_resizing(void **state)
 {
@@ -387,23 +425,15 @@ static void cpu_level_keeps_to_the_cap(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        TEST(empty_blocks_are_valid),
-        TEST(contents_survive_resizing),
-        TEST(zeroed_is_zero),
-        TEST(spares_are_used_again),
-        TEST(overflow_is_refused),
-        TEST(pages_got_ahead_change_no_byte),
-        TEST(budget_holds),
-        TEST(reserve_is_content_with_less),
-        TEST(reserve_grows_by_a_share),
-        TEST(injected_failures_come_once),
-        TEST(first_failure_stays),
-        TEST(errno_becomes_status),
-        TEST(long_texts_are_cut),
-        TEST(callbacks_are_called),
-        TEST(bytes_are_little_endian),
-        TEST(checksum_is_that_of_gzip),
-        TEST(cpu_level_keeps_to_the_cap),
+        TEST(empty_blocks_are_valid),         TEST(fronts_are_released),
+        TEST(contents_survive_resizing),      TEST(zeroed_is_zero),
+        TEST(spares_are_used_again),          TEST(overflow_is_refused),
+        TEST(pages_got_ahead_change_no_byte), TEST(budget_holds),
+        TEST(reserve_is_content_with_less),   TEST(reserve_grows_by_a_share),
+        TEST(injected_failures_come_once),    TEST(first_failure_stays),
+        TEST(errno_becomes_status),           TEST(long_texts_are_cut),
+        TEST(callbacks_are_called),           TEST(bytes_are_little_endian),
+        TEST(checksum_is_that_of_gzip),       TEST(cpu_level_keeps_to_the_cap),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
