@@ -57,7 +57,9 @@ static const double angles[] = {0.25, 0.5,  0.75, 1,  1.4, 1.7, 2,   2.4, 2.8, 3
 enum { ANGLES = sizeof angles / sizeof *angles };
 static const double FACE_PART = 0.85;
 /* Trials whose angles are guessed; after them the range is halved. */
-enum { GUESSED_TRIALS = 4 };
+enum { GUESSED_TRIALS = 5 };
+/* By which power of the angle the number of patches falls, in quarters: at first, and bounds. */
+enum { POWER_FIRST = 7, POWER_LEAST = 2, POWER_MOST = 20 };
 
 /*
  * Terraces of voxels have few slopes. The number of patches leaps at the angles between them and
@@ -116,83 +118,149 @@ static void clear_excerpt(struct context *ctx, struct excerpt *excerpt)
     patch_workspace_clear(ctx, &excerpt->space);
 }
 
+/* A set of small numbers that knows how many lie below each: what is chosen of a slab gets numbers
+ * of its own by it, in order, without sorting or searching. */
+struct chosen {
+    uint64_t *bits;
+    uint32_t *below; /* a word of them */
+    size_t words;
+};
+
+static enum status take_chosen(struct context *ctx, size_t count, struct chosen *chosen)
+{
+    chosen->words = count / 64 + 1;
+    enum status status =
+        memory_take_zeroed(ctx, chosen->words, sizeof *chosen->bits, &chosen->bits);
+    return status ? status : memory_take(ctx, chosen->words, sizeof *chosen->below, &chosen->below);
+}
+
+static void clear_chosen(struct context *ctx, struct chosen *chosen)
+{
+    memory_release(ctx, &chosen->bits, chosen->words, sizeof *chosen->bits);
+    memory_release(ctx, &chosen->below, chosen->words, sizeof *chosen->below);
+}
+
+static inline bool is_chosen(const struct chosen *chosen, uint32_t number)
+{
+    return chosen->bits[number / 64] >> number % 64 & 1;
+}
+
+static inline void choose(struct chosen *chosen, uint32_t number)
+{
+    chosen->bits[number / 64] |= UINT64_C(1) << number % 64;
+}
+
+/* After the last one: counts them, and lists them in `list`. */
+static uint32_t count_chosen(struct chosen *chosen, uint32_t *list)
+{
+    uint32_t count = 0;
+    for (size_t w = 0; w < chosen->words; w++) {
+        chosen->below[w] = count;
+        for (uint64_t left = chosen->bits[w]; left; left &= left - 1)
+            list[count++] = (uint32_t)(64 * w) + (uint32_t)__builtin_ctzll(left);
+    }
+    return count;
+}
+
+static inline uint32_t rank_of(const struct chosen *chosen, uint32_t number)
+{
+    const uint64_t lower = (UINT64_C(1) << number % 64) - 1;
+    return chosen->below[number / 64] +
+           (uint32_t)__builtin_popcountll(chosen->bits[number / 64] & lower);
+}
+
 /* Chooses the excerpt's faces: those first met breadth-first from face `first` of an open slab,
- * over edges, so that they hang together even where the order is not local; ascending in *chosen.
- * In `places`, all NO_INDEX before, each gets its number. */
-static void choose_faces(const struct slab *slab, uint32_t first, uint32_t wanted, uint32_t *chosen,
-                         uint32_t *spare, uint32_t *places)
+ * over edges, so that they hang together even where the order is not local. `list` gets them,
+ * ascending. */
+static void choose_faces(const struct slab *slab, uint32_t first, uint32_t wanted,
+                         struct chosen *faces, uint32_t *list)
 {
     uint32_t count = 0, head = 0, next = first;
     while (count < wanted) {
         if (head == count) { /* a component is used up: the next free face, round the slab */
-            while (places[next] != NO_INDEX)
+            while (is_chosen(faces, next))
                 next = next + 1 == slab->face_count ? 0 : next + 1;
-            places[next] = 0;
-            chosen[count++] = next;
+            choose(faces, next);
+            list[count++] = next;
             continue;
         }
-        const uint32_t *neighbours = slab->neighbours + 3 * (size_t)chosen[head++];
+        const uint32_t *neighbours = slab->neighbours + 3 * (size_t)list[head++];
         for (unsigned k = 0; k < 3 && count < wanted; k++) {
             const uint32_t face = neighbours[k] - slab->face_first;
-            if (neighbours[k] != NO_INDEX && face < slab->face_count && places[face] == NO_INDEX) {
-                places[face] = 0;
-                chosen[count++] = face;
+            if (neighbours[k] != NO_INDEX && face < slab->face_count && !is_chosen(faces, face)) {
+                choose(faces, face);
+                list[count++] = face;
             }
         }
     }
-    sort_u32(chosen, spare, count);
-    for (uint32_t f = 0; f < count; f++)
-        places[chosen[f]] = f;
+    (void)count_chosen(faces, list);
 }
 
-/* Copies the chosen faces with numbers of the excerpt's own. `vertices` and `spare` have room for
- * all their corners. */
-static void copy_faces(const struct slab *slab, const uint32_t *chosen, const uint32_t *places,
-                       uint32_t *vertices, uint32_t *spare, struct excerpt *excerpt)
+/* A vertex of a slab by its place among all of them, which is the store's order: foreign ones are
+ * lower than the slab's own. */
+static uint32_t place_in_slab(const struct slab *slab, uint32_t vertex)
 {
-    const size_t corners = 3 * (size_t)excerpt->face_count;
-    for (size_t i = 0; i < corners; i++)
-        vertices[i] = slab->faces[3 * (size_t)chosen[i / 3] + i % 3];
-    sort_u32(vertices, spare, corners);
-    for (size_t i = 0; i < corners; i++)
-        if (i == 0 || vertices[i] != vertices[i - 1])
-            vertices[excerpt->vertex_count++] = vertices[i];
-    for (uint32_t v = 0; v < excerpt->vertex_count; v++)
-        memcpy(excerpt->positions + 3 * (size_t)v, slab_position(slab, vertices[v]),
-               3 * sizeof(float));
-    for (size_t i = 0; i < corners; i++) {
-        const size_t from = 3 * (size_t)chosen[i / 3] + i % 3;
-        const uint32_t neighbour = slab->neighbours[from], inside = neighbour - slab->face_first;
-        const bool is_chosen = inside < slab->face_count && places[inside] != NO_INDEX;
-        excerpt->neighbours[i] = neighbour == NO_INDEX ? NO_INDEX
-                                 : is_chosen           ? places[inside]
-                                                       : excerpt->face_count;
-        excerpt->faces[i] = foreign_rank(vertices, excerpt->vertex_count, slab->faces[from]);
-        excerpt->mates[i / 3] = slab->mates[chosen[i / 3]];
+    return vertex >= slab->vertex_first ? slab->foreign_count + (vertex - slab->vertex_first)
+                                        : foreign_rank(slab->foreign, slab->foreign_count, vertex);
+}
+
+static const float *position_in_slab(const struct slab *slab, uint32_t place)
+{
+    return place < slab->foreign_count
+               ? slab->foreign_positions + 3 * (size_t)place
+               : slab->positions + 3 * (size_t)(place - slab->foreign_count);
+}
+
+/* Copies the listed faces with numbers of the excerpt's own. `places` has room for all their
+ * corners. */
+static void copy_faces(const struct slab *slab, const uint32_t *list, const struct chosen *faces,
+                       struct chosen *vertices, uint32_t *places, struct excerpt *excerpt)
+{
+    for (size_t i = 0; i < excerpt->face_count; i++) {
+        excerpt->mates[i] = slab->mates[list[i]];
+        for (unsigned k = 0; k < 3; k++) {
+            const size_t from = 3 * (size_t)list[i] + k;
+            const uint32_t neighbour = slab->neighbours[from], face = neighbour - slab->face_first;
+            const bool is_inside = face < slab->face_count && is_chosen(faces, face);
+            const uint32_t place = place_in_slab(slab, slab->faces[from]);
+            excerpt->neighbours[3 * i + k] = neighbour == NO_INDEX ? NO_INDEX
+                                             : is_inside           ? rank_of(faces, face)
+                                                                   : excerpt->face_count;
+            excerpt->faces[3 * i + k] = place;
+            choose(vertices, place);
+        }
     }
+    excerpt->vertex_count = count_chosen(vertices, places);
+    for (size_t i = 0; i < 3 * (size_t)excerpt->face_count; i++)
+        excerpt->faces[i] = rank_of(vertices, excerpt->faces[i]);
+    for (uint32_t v = 0; v < excerpt->vertex_count; v++)
+        memcpy(excerpt->positions + 3 * (size_t)v, position_in_slab(slab, places[v]),
+               3 * sizeof(float));
 }
 
 static enum status copy_excerpt(struct context *ctx, const struct slab *slab, uint32_t first,
                                 struct excerpt *excerpt)
 {
     const size_t corners = 3 * (size_t)excerpt->face_count;
-    uint32_t *chosen = NULL, *places = NULL, *vertices = NULL, *spare = NULL;
-    enum status status = memory_take(ctx, excerpt->face_count, sizeof *chosen, &chosen);
+    const size_t slab_vertices =
+        (size_t)(slab->vertex_end - slab->vertex_first) + slab->foreign_count;
+    struct chosen faces = {0}, vertices = {0};
+    uint32_t *list = NULL, *places = NULL;
+    enum status status = memory_take(ctx, excerpt->face_count, sizeof *list, &list);
     if (!status)
-        status = memory_take(ctx, slab->face_count, sizeof *places, &places);
+        status = memory_take(ctx, corners, sizeof *places, &places);
     if (!status)
-        status = memory_take(ctx, corners, sizeof *vertices, &vertices);
+        status = take_chosen(ctx, slab->face_count, &faces);
     if (!status)
-        status = memory_take(ctx, corners, sizeof *spare, &spare);
+        status = take_chosen(ctx, slab_vertices, &vertices);
     if (!status) {
-        memset(places, 0xff, slab->face_count * sizeof *places);
-        choose_faces(slab, first, excerpt->face_count, chosen, spare, places);
-        copy_faces(slab, chosen, places, vertices, spare, excerpt);
+        choose_faces(slab, first, excerpt->face_count, &faces, list);
+        copy_faces(slab, list, &faces, &vertices, places, excerpt);
     }
-    memory_release(ctx, &spare, corners, sizeof *spare);
-    memory_release(ctx, &vertices, corners, sizeof *vertices);
-    memory_release(ctx, &places, slab->face_count, sizeof *places);
-    memory_release(ctx, &chosen, excerpt->face_count, sizeof *chosen);
+    clear_chosen(ctx, &vertices);
+    clear_chosen(ctx, &faces);
+    memory_release(ctx, &places, corners, sizeof *places);
+    memory_release(ctx, &list, excerpt->face_count, sizeof *list);
     return status;
 }
 
@@ -376,20 +444,43 @@ struct trial {
     double patches;
 };
 
+/* ratio^(quarters / 4), without a libm's rounding. */
+static double quarter_power(double ratio, unsigned quarters)
+{
+    const double fourth = sqrt(sqrt(ratio));
+    double power = 1;
+    for (unsigned i = 0; i < quarters; i++)
+        power *= fourth;
+    return power;
+}
+
+/* By which power of the angle the number of patches fell between two trials, in quarters. */
+static unsigned find_power(const struct trial *one, const struct trial *other)
+{
+    const bool ascends = one->index < other->index;
+    const struct trial *finer = ascends ? one : other, *coarser = ascends ? other : one;
+    const double ratio = angles[coarser->index] / angles[finer->index];
+    unsigned quarters = POWER_LEAST;
+    while (quarters < POWER_MOST &&
+           finer->patches > coarser->patches * quarter_power(ratio, quarters))
+        quarters++;
+    return quarters;
+}
+
 /*
  * Which angle to try next: angles[low] is fine enough, those above high are not. The number of
- * patches goes by about the power 7/4 of the angle, so the last trial tells where the answer lies,
- * and often only its neighbour is left to be tried then: three trials where halving takes five.
+ * patches goes by some power of the angle, about 7/4 of it in general, and what the last two trials
+ * say once there are two. So the last trial tells where the answer lies, and often only its
+ * neighbour is left to be tried then: four trials where halving takes five.
  */
 static uint32_t choose_trial(const struct store_info *info, const struct target *target,
-                             const struct fineness *finest, const struct trial *last, uint32_t low,
-                             uint32_t high)
+                             const struct fineness *finest, const struct trial *last,
+                             unsigned quarters, uint32_t low, uint32_t high)
 {
     uint32_t next = high;
     for (; next > low + 1; next--) {
-        const double ratio = angles[last->index] / angles[next], root = sqrt(ratio);
-        const double patches = last->patches * ratio * root * sqrt(root);
-        if (are_fine_enough(info, target, finest, angles[next], patches))
+        const double finer = quarter_power(angles[last->index] / angles[next], quarters);
+        if (are_fine_enough(info, target, finest, angles[next], last->patches * finer))
             break;
     }
     return next;
@@ -414,14 +505,17 @@ enum status patch_fit(struct context *ctx, struct store *store, const struct tar
         enough = are_fine_enough(info, target, &finest, 25, patches);
     }
     uint32_t low = 0, high = enough ? 0 : ANGLES - 1;
-    struct trial last = {0};
+    struct trial last = {0}, before;
+    unsigned quarters = POWER_FIRST;
     for (uint32_t trials = 0; !status && low < high; trials++) {
         /* angles[low] is fine enough, or nothing is; those above high are not */
         const bool halves = trials == 0 || trials >= GUESSED_TRIALS;
-        last.index =
-            halves ? (low + high + 1) / 2 : choose_trial(info, target, &finest, &last, low, high);
+        before = last;
+        last.index = halves ? (low + high + 1) / 2
+                            : choose_trial(info, target, &finest, &last, quarters, low, high);
         make_options(info, target, request, last.index, options);
         status = estimate(&sample, options, &last.patches);
+        quarters = trials > 0 ? find_power(&before, &last) : quarters;
         if (are_fine_enough(info, target, &finest, angles[last.index], last.patches)) {
             low = last.index;
             chosen = last.patches;

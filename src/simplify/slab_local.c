@@ -2,13 +2,18 @@
  * The store numbers vertices and faces over the whole mesh, so a per-vertex array of a slab would
  * have to be as long as the mesh, or a hash map. A slab's own vertices are one range of numbers and
  * its few foreign ones a sorted table, so that local numbers cost a subtraction for the first and
- * a binary search for the others; everything after this works on arrays of the slab's size.
+ * a binary search for the others; everything after this works on arrays of the slab's size. Of
+ * nearly all faces all three are in the range, so three numbers are asked at once.
  */
 #include "simplify/slab_local.h"
 
 #include <string.h>
 
 #include "base/memory.h"
+
+/* A face's numbers are read, changed and written as one vector. */
+typedef uint32_t uint4 __attribute__((vector_size(16), may_alias));
+typedef int32_t int4 __attribute__((vector_size(16)));
 
 static void release_faces(struct context *ctx, struct slab_local *local)
 {
@@ -72,25 +77,73 @@ static enum status foreign_corner(struct context *ctx, const struct slab *slab, 
     return STATUS_OK;
 }
 
+/* Three numbers of a face in a vector. */
+static inline uint4 load_three(const uint32_t *from)
+{
+    uint4 three = {0};
+    memcpy(&three, from, 3 * sizeof *from);
+    return three;
+}
+
+/* The same where a fourth, of no matter, lies behind them. */
+static inline uint4 load_four(const uint32_t *from)
+{
+    uint4 four;
+    memcpy(&four, from, sizeof four);
+    return four;
+}
+
+/* A range of numbers, for three at a time. */
+struct range {
+    uint4 first;
+    int4 end; /* from the first on, less 2^31: vectors compare signed numbers */
+};
+
+static struct range range_of(uint32_t first, uint32_t count)
+{
+    const int32_t end = (int32_t)(count ^ 0x80000000);
+    return (struct range){{first, first, first, 0}, {end, end, end, INT32_MAX}};
+}
+
+/* False when all of the first three lanes, which count from the range's first, are in it; the
+ * fourth is hardly ever the cause that it is true. */
+static inline bool any_beyond(uint4 three, struct range range)
+{
+    const uint4 inside = (uint4)(range.end > (int4)(three ^ 0x80000000));
+    uint64_t words[2];
+    memcpy(words, &inside, sizeof words);
+    return (words[0] & words[1]) != UINT64_MAX;
+}
+
+static inline enum status put_face(struct context *ctx, const struct slab *slab, size_t f,
+                                   uint4 corners, struct range own, struct slab_local *local)
+{
+    uint4 v = corners - own.first;
+    if (any_beyond(v, own))
+        for (unsigned k = 0; k < 3; k++) {
+            uint32_t vertex;
+            enum status status = foreign_corner(ctx, slab, 3 * f + k, local, &vertex);
+            if (status)
+                return status;
+            v[k] = vertex;
+        }
+    const uint4 label = {0, 0, 0, UINT32_MAX}, to = __builtin_shufflevector(v, v, 2, 0, 1, 3);
+    *(uint4 *)(void *)(local->faces + FACE_STRIDE * f) = to | label;
+    return STATUS_OK;
+}
+
 static enum status fill_faces(struct context *ctx, const struct slab *slab,
                               struct slab_local *local)
 {
-    const uint32_t first = slab->vertex_first, own = local->own_count;
-    for (size_t f = 0; f < slab->face_count; f++) {
-        const uint32_t *face = slab->faces + 3 * f;
-        uint32_t *to = local->faces + FACE_STRIDE * f;
-        uint32_t v[3] = {face[0] - first, face[1] - first, face[2] - first};
-        for (unsigned k = 0; k < 3 && (v[0] >= own || v[1] >= own || v[2] >= own); k++) {
-            enum status status = foreign_corner(ctx, slab, 3 * f + k, local, &v[k]);
-            if (status)
-                return status;
-        }
-        to[0] = v[2];
-        to[1] = v[0];
-        to[2] = v[1];
-        to[LABEL] = UINT32_MAX;
+    const struct range own = range_of(slab->vertex_first, local->own_count);
+    const size_t count = slab->face_count;
+    const uint32_t *from = slab->faces;
+    enum status status = STATUS_OK;
+    for (size_t f = 0; f < count && !status; f++, from += 3) {
+        const uint4 corners = f + 1 < count ? load_four(from) : load_three(from);
+        status = put_face(ctx, slab, f, corners, own, local);
     }
-    return STATUS_OK;
+    return status;
 }
 
 /* A link out of the slab, or one that no slab has. */
@@ -111,28 +164,44 @@ static enum status beyond_link(struct context *ctx, const struct slab *slab, siz
     return STATUS_OK;
 }
 
+/* At least one of a face's links is none of the slab's. */
+static enum status put_beyond(struct context *ctx, const struct slab *slab, size_t f,
+                              struct slab_local *local)
+{
+    const size_t seam_links = local->seam_links;
+    uint32_t *links = local->links + FACE_STRIDE * f;
+    enum status status = STATUS_OK;
+    for (unsigned k = 0; k < 3 && !status; k++)
+        status = beyond_link(ctx, slab, f, k, local, &links[k]);
+    if (local->seam_links > seam_links) {
+        links[NEXT_SEAM] = local->seam_face;
+        local->seam_face = (uint32_t)f;
+    }
+    return status;
+}
+
 static enum status fill_links(struct context *ctx, const struct slab *slab,
                               struct slab_local *local)
 {
-    const uint32_t first = slab->face_first, count = slab->face_count;
+    uint4 places[64]; /* a face's three mates, from their six bits */
+    for (uint32_t i = 0; i < 64; i++)
+        places[i] = (uint4){i & 3, i >> 2 & 3, i >> 4, 0};
+    const struct range inside = range_of(slab->face_first, slab->face_count);
+    const uint4 lanes = {UINT32_MAX, UINT32_MAX, UINT32_MAX, 0};
+    const size_t count = slab->face_count;
+    const uint32_t *from = slab->neighbours;
+    const uint8_t *mates = slab->mates;
+    uint32_t *to = local->links;
+    enum status status = STATUS_OK;
     local->seam_links = 0;
-    for (size_t f = 0; f < count; f++) {
-        const uint32_t *over = slab->neighbours + 3 * f;
-        const uint32_t n[3] = {over[0] - first, over[1] - first, over[2] - first};
-        const uint32_t mates = slab->mates[f];
-        uint32_t *to = local->links + FACE_STRIDE * f;
-        to[0] = n[0] << 2 | (mates & 3);
-        to[1] = n[1] << 2 | (mates >> 2 & 3);
-        to[2] = n[2] << 2 | (mates >> 4 & 3);
-        to[3] = 0;
-        bool is_inside = (n[0] < count) & (n[1] < count) & (n[2] < count);
-        for (unsigned k = 0; k < 3 && (!is_inside || mates & mates >> 1 & 0x15); k++) {
-            enum status status = beyond_link(ctx, slab, f, k, local, &to[k]);
-            if (status)
-                return status;
-        }
+    local->seam_face = NO_INDEX;
+    for (size_t f = 0; f < count && !status; f++, from += 3, to += FACE_STRIDE) {
+        const uint4 faces = (f + 1 < count ? load_four(from) : load_three(from)) - inside.first;
+        *(uint4 *)(void *)to = (faces << 2 & lanes) | places[mates[f] & 63];
+        if (any_beyond(faces, inside) || (mates[f] & mates[f] >> 1 & 0x15) != 0)
+            status = put_beyond(ctx, slab, f, local);
     }
-    return STATUS_OK;
+    return status;
 }
 
 enum status slab_local_fill(struct context *ctx, const struct slab *slab, uint32_t *links,

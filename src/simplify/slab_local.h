@@ -17,8 +17,9 @@ enum { BEYOND_BORDER = 0, BEYOND_SEAM = 1, BEYOND_COUNT = 2 };
 
 /* Four numbers a face in each of its arrays, so that a link is an index and all of a face lies in
  * one line of the cache: faces[link] is the vertex opposite the edge that the link leads over,
- * faces[link | LABEL] that face's label, links[link & ~3] its first link. */
-enum { FACE_STRIDE = 4, LABEL = 3 };
+ * faces[link | LABEL] that face's label, links[link & ~3] its first link. links[link | NEXT_SEAM]
+ * is, of a face with links to other slabs, the next such face (NO_INDEX: none), of others 0. */
+enum { FACE_STRIDE = 4, LABEL = 3, NEXT_SEAM = 3 };
 
 /* Arrays grow as slabs ask for it and are reused from one slab to the next by the same worker. */
 struct slab_local {
@@ -28,8 +29,9 @@ struct slab_local {
     uint32_t vertex_first; /* store number of local vertex 0 */
     uint32_t *foreign;     /* store numbers of the foreign ones */
     size_t seam_links;     /* links that lead to another slab */
+    uint32_t seam_face;    /* the first of the faces that have such; NO_INDEX: none */
     uint32_t *faces;       /* vertices opposite edges 0, 1, 2; label: UINT32_MAX when filled */
-    uint32_t *links;       /* over edges 0, 1, 2; 0: the user's */
+    uint32_t *links;       /* over edges 0, 1, 2; NEXT_SEAM */
     float *positions;      /* 3 a local vertex, and room for another, so that four can be read */
     size_t face_capacity;  /* those beyond counted */
     size_t vertex_capacity;

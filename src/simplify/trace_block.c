@@ -18,10 +18,9 @@ static void mark_seams(struct trace *trace)
     const uint32_t seam = link_beyond(local, BEYOND_SEAM),
                    marked = (uint32_t)KIND_SEAM << CODE_SHIFT;
     uint32_t *codes = trace->scratch->codes;
-    for (uint32_t f = 0; f < local->face_count; f++) {
+    for (uint32_t f = local->seam_face, next; f != NO_INDEX; f = next) {
         const uint32_t *links = local->links + FACE_STRIDE * (size_t)f;
-        if (links[0] != seam && links[1] != seam && links[2] != seam)
-            continue;
+        next = links[NEXT_SEAM];
         for (unsigned k = 0; k < 3; k++)
             if (links[k] == seam)
                 codes[edge_start(local, f, k)] = codes[edge_end(local, f, k)] = marked;
