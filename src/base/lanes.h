@@ -65,11 +65,40 @@ LANES_INLINE float8 lanes_choose(int8x32 mask, float8 a, float8 b)
     return (float8)((mask & (int8x32)a) | (~mask & (int8x32)b));
 }
 
+LANES_INLINE float8 lanes_least(float8 a, float8 b)
+{
+    return lanes_choose(a < b, a, b);
+}
+
+/* The least of the eight, in all of them. */
+LANES_INLINE float8 lanes_all_least(float8 v)
+{
+    v = lanes_least(v, __builtin_shufflevector(v, v, 4, 5, 6, 7, 0, 1, 2, 3));
+    v = lanes_least(v, __builtin_shufflevector(v, v, 2, 3, 0, 1, 6, 7, 4, 5));
+    return lanes_least(v, __builtin_shufflevector(v, v, 1, 0, 3, 2, 5, 4, 7, 6));
+}
+
 LANES_INLINE int lanes_any(int8x32 mask)
 {
     uint64_t words[4];
     memcpy(words, &mask, sizeof words);
     return (words[0] | words[1] | words[2] | words[3]) != 0;
+}
+
+/* One bit a lane. */
+LANES_INLINE unsigned lanes_bits(int8x32 mask)
+{
+    const int8x32 bits = mask & (int8x32){1, 2, 4, 8, 16, 32, 64, 128};
+    uint64_t words[4];
+    memcpy(words, &bits, sizeof words);
+    words[0] |= words[1] | words[2] | words[3];
+    return (unsigned)(words[0] | words[0] >> 32) & 0xff;
+}
+
+/* The lane of the lowest bit, of which there is one. */
+LANES_INLINE unsigned lowest_bit(unsigned bits)
+{
+    return (unsigned)__builtin_ctz(bits);
 }
 
 /* Sum in a fixed order. */

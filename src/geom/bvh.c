@@ -422,8 +422,7 @@ static struct query query_of(const struct bvh *bvh, struct vec3 low, struct vec3
 }
 
 /* Squared distances between the query's box and the node's eight. */
-LANES_INLINE void box_distances(const struct bvh_node *node, const struct query *query,
-                                float distances[BVH_WIDTH])
+LANES_INLINE float8 box_squares(const struct bvh_node *node, const struct query *query)
 {
     float8 sum = lanes_all(0);
     for (unsigned k = 0; k < 3; k++) {
@@ -433,7 +432,13 @@ LANES_INLINE void box_distances(const struct bvh_node *node, const struct query 
         const float8 apart = lanes_where(either > 0, either);
         sum += apart * apart;
     }
-    lanes_store(distances, sum);
+    return sum;
+}
+
+LANES_INLINE void box_distances(const struct bvh_node *node, const struct query *query,
+                                float distances[BVH_WIDTH])
+{
+    lanes_store(distances, box_squares(node, query));
 }
 
 struct pending {
@@ -466,9 +471,7 @@ static float bound_of(const struct bvh *bvh, double distance_squared)
     return bound < 1e38 ? (float)bound : 3.0e38f;
 }
 
-/* bvh_nearest; a triangle within `enough` (squared) ends the search. */
-LANES_INLINE void search_in_lanes(const struct bvh *bvh, struct vec3 p, double enough,
-                                  struct nearest *nearest)
+LANES_INLINE void search_in_lanes(const struct bvh *bvh, struct vec3 p, struct nearest *nearest)
 {
     struct query query = query_of(bvh, p, p);
     float bound = bound_of(bvh, nearest->distance_squared);
@@ -500,44 +503,98 @@ LANES_INLINE void search_in_lanes(const struct bvh *bvh, struct vec3 p, double e
             if (distance < nearest->distance_squared ||
                 (distance == nearest->distance_squared && number < nearest->triangle)) {
                 *nearest = (struct nearest){distance, number, point};
-                if (distance <= enough)
-                    return;
                 bound = bound_of(bvh, distance);
             }
         }
     }
 }
 
-static void search_scalar(const struct bvh *bvh, struct vec3 p, double enough,
-                          struct nearest *nearest)
+static void search_scalar(const struct bvh *bvh, struct vec3 p, struct nearest *nearest)
 {
-    search_in_lanes(bvh, p, enough, nearest);
+    search_in_lanes(bvh, p, nearest);
 }
 
-LANES_AVX2 static void search_avx2(const struct bvh *bvh, struct vec3 p, double enough,
-                                   struct nearest *nearest)
+LANES_AVX2 static void search_avx2(const struct bvh *bvh, struct vec3 p, struct nearest *nearest)
 {
-    search_in_lanes(bvh, p, enough, nearest);
-}
-
-static void search(const struct bvh *bvh, struct vec3 p, double enough, struct nearest *nearest)
-{
-    if (bvh->level >= CPU_AVX2)
-        search_avx2(bvh, p, enough, nearest);
-    else
-        search_scalar(bvh, p, enough, nearest);
+    search_in_lanes(bvh, p, nearest);
 }
 
 void bvh_nearest(const struct bvh *bvh, struct vec3 p, struct nearest *nearest)
 {
-    search(bvh, p, -1, nearest);
+    if (bvh->level >= CPU_AVX2)
+        search_avx2(bvh, p, nearest);
+    else
+        search_scalar(bvh, p, nearest);
+}
+
+/* ---- is any triangle near? ---- */
+
+/* The boxes of a node that are not farther than `bound`, a bit each. */
+struct near_boxes {
+    unsigned all, nearest; /* nearest: of those, one or several as near */
+};
+
+LANES_INLINE struct near_boxes boxes_within(const struct bvh_node *node, const struct query *query,
+                                            float bound)
+{
+    const float8 squares = box_squares(node, query);
+    const int8x32 within = (squares <= bound) & (squares < (float)INFINITY);
+    const float8 near = lanes_choose(within, squares, lanes_all(INFINITY));
+    return (struct near_boxes){lanes_bits(within),
+                               lanes_bits(within & (near == lanes_all_least(near)))};
+}
+
+/* Any triangle that is near enough will do, so that the order matters to the time alone: the
+ * nearest box comes first, the others as they are. */
+LANES_INLINE bool near_in_lanes(const struct bvh *bvh, struct vec3 p, double square)
+{
+    const struct query query = query_of(bvh, p, p);
+    const float bound = bound_of(bvh, square);
+    struct pending stack[PENDING_MAX];
+    unsigned used = 0;
+    if (bvh->count > 0)
+        stack[used++] = (struct pending){0, 0, bvh->level_count - 1};
+    while (used > 0) {
+        const struct pending top = stack[--used];
+        const struct bvh_node *node = &bvh->nodes[bvh->level_first[top.level] + top.node];
+        const struct near_boxes near = boxes_within(node, &query, bound);
+        if (near.all == 0)
+            continue;
+        const unsigned nearest = lowest_bit(near.nearest);
+        unsigned others = near.all & ~(1u << nearest);
+        const uint32_t first = top.node * BVH_WIDTH;
+        if (top.level > 0) {
+            for (; others != 0; others &= others - 1)
+                stack[used++] = (struct pending){0, first + lowest_bit(others), top.level - 1};
+            stack[used++] = (struct pending){0, first + nearest, top.level - 1};
+            continue;
+        }
+        for (unsigned boxes = others, next = nearest;;) {
+            const struct triangle t = bvh_triangle(bvh, bvh->order[first + next]);
+            if (triangle_distance_squared(p, &t, NULL) <= square)
+                return true;
+            if (boxes == 0)
+                break;
+            next = lowest_bit(boxes);
+            boxes &= boxes - 1;
+        }
+    }
+    return false;
+}
+
+static bool near_scalar(const struct bvh *bvh, struct vec3 p, double square)
+{
+    return near_in_lanes(bvh, p, square);
+}
+
+LANES_AVX2 static bool near_avx2(const struct bvh *bvh, struct vec3 p, double square)
+{
+    return near_in_lanes(bvh, p, square);
 }
 
 bool bvh_is_near(const struct bvh *bvh, struct vec3 p, double square)
 {
-    struct nearest nearest = {square, UINT32_MAX, {0, 0, 0}};
-    search(bvh, p, square, &nearest);
-    return nearest.triangle != UINT32_MAX;
+    return bvh->level >= CPU_AVX2 ? near_avx2(bvh, p, square) : near_scalar(bvh, p, square);
 }
 
 void bvh_touching(const struct bvh *bvh, struct vec3 low, struct vec3 high,

@@ -73,11 +73,12 @@ LANES_INLINE float cost_at(const struct fan *fan, float rest[6][LANES], const st
     return (here + there) / 72 + tie(ex * ex + ey * ey + ez * ez);
 }
 
-LANES_INLINE void place_lanes(const struct fan *fan, float reach_square, struct edge_lanes *e)
+/* (The fan by value: else the compiler sees to it at run time that it is none of the lanes.) */
+LANES_INLINE void place_lanes(const struct fan fan, float reach_square, struct edge_lanes *e)
 {
     float rest[6][LANES], normal[3][LANES];
     rest_of_fan(e, rest, normal);
-    const float *own = fan->square;
+    const float *own = fan.square;
     for (int i = 0; i < LANES; i++) {
         const float ex = e->edge[0][i], ey = e->edge[1][i], ez = e->edge[2][i];
         const float offset = normal[0][i] * ex + normal[1][i] * ey + normal[2][i] * ez;
@@ -90,8 +91,8 @@ LANES_INLINE void place_lanes(const struct fan *fan, float reach_square, struct 
         const float pull = (float)SHAPE_WEIGHT * trace;
 
         /* unit normal and height of the plane */
-        const float nx = normal[0][i] + fan->normal[0], ny = normal[1][i] + fan->normal[1];
-        const float nz = normal[2][i] + fan->normal[2];
+        const float nx = normal[0][i] + fan.normal[0], ny = normal[1][i] + fan.normal[1];
+        const float nz = normal[2][i] + fan.normal[2];
         const float square = nx * nx + ny * ny + nz * nz;
         const bool has_plane = square > (float)PLANE_FLOOR * trace;
         const float scale = 1 / sqrtf(has_plane ? square : 1);
@@ -141,18 +142,18 @@ LANES_INLINE void place_lanes(const struct fan *fan, float reach_square, struct 
         e->at[2][i] = ez / 2 + (near ? pz : safe_lift * uz);
     }
     for (int i = 0; i < LANES; i++)
-        e->cost[i] = cost_at(fan, rest, e, i, e->at[0][i], e->at[1][i], e->at[2][i]);
+        e->cost[i] = cost_at(&fan, rest, e, i, e->at[0][i], e->at[1][i], e->at[2][i]);
 }
 
 static void place_lanes_scalar(const struct fan *fan, float reach_square, struct edge_lanes *e)
 {
-    place_lanes(fan, reach_square, e);
+    place_lanes(*fan, reach_square, e);
 }
 
 LANES_AVX2 static void place_lanes_avx2(const struct fan *fan, float reach_square,
                                         struct edge_lanes *e)
 {
-    place_lanes(fan, reach_square, e);
+    place_lanes(*fan, reach_square, e);
 }
 
 void edge_lanes_place(enum cpu_level level, const struct fan *fan, float reach_square,

@@ -50,11 +50,6 @@ LANES_INLINE float8 segment_square(struct vec3x8 p, struct vec3x8 a, struct vec3
     return lanes_dot(rest, rest);
 }
 
-LANES_INLINE float8 lanes_least(float8 a, float8 b)
-{
-    return lanes_choose(a < b, a, b);
-}
-
 /* Eight faces of a fan, relative to its middle: between neighbours b and c, and the next lane's b
  * is this one's c. */
 struct fan_faces {
@@ -98,9 +93,7 @@ LANES_INLINE float8 faces_square(struct vec3x8 p, const struct fan_faces *faces)
 /* The least of the lanes, and in the first of those that have it, of `places`. */
 LANES_INLINE float least_lane(float8 v, int8x32 places, uint32_t *place)
 {
-    float8 least = lanes_least(v, __builtin_shufflevector(v, v, 4, 5, 6, 7, 0, 1, 2, 3));
-    least = lanes_least(least, __builtin_shufflevector(least, least, 2, 3, 0, 1, 6, 7, 4, 5));
-    least = lanes_least(least, __builtin_shufflevector(least, least, 1, 0, 3, 2, 5, 4, 7, 6));
+    const float8 least = lanes_all_least(v);
     if (place) {
         int lane = 0;
         while (v[lane] > least[0])
@@ -350,27 +343,102 @@ bool edge_is_rim(const struct collapse *c, const struct edge_change *change, int
            (dot <= 0 || dot * dot < RIM_COSINE * RIM_COSINE * square * square_before);
 }
 
-/* The largest squared distance of the new edges' middles, where the faces beside turn. */
+/* Of eight new edges, which the one to neighbour `first` begins: a bit for each. */
+struct edge_bits {
+    unsigned rims;   /* as edge_is_rim says, where nothing is on a border */
+    unsigned turned; /* beside which a face's plane is farther than the bound */
+};
+
+/* What stands in front of eight of a ring's faces. */
+LANES_INLINE float8 lanes_before(const float *of_faces, uint32_t first, uint32_t faces)
+{
+    if (first > 0)
+        return lanes_load(of_faces + first - 1);
+    const float8 v = lanes_load(of_faces);
+    float8 before = __builtin_shufflevector(v, v, 7, 0, 1, 2, 3, 4, 5, 6);
+    before[0] = of_faces[faces - 1];
+    return before;
+}
+
+LANES_INLINE struct edge_bits look_at_edges(const struct edge_change *change, int end,
+                                            uint32_t first, float bound)
+{
+    const struct ring *ring = &change->looks[end]->ring;
+    const float(*turned)[RING_LANES] = change->turned[end];
+    const float8 height = lanes_load(change->heights[end] + first);
+    const float8 height_before = lanes_before(change->heights[end], first, ring->faces);
+    struct vec3x8 n, before;
+    n = lanes_load3(turned[0] + first, turned[1] + first, turned[2] + first);
+    before.x = lanes_before(turned[0], first, ring->faces);
+    before.y = lanes_before(turned[1], first, ring->faces);
+    before.z = lanes_before(turned[2], first, ring->faces);
+    const float8 dot = lanes_dot(n, before), square = lanes_dot(n, n);
+    const float8 square_before = lanes_dot(before, before);
+    const int8x32 is_edge = lanes_count_from(first) < (int32_t)ring->count;
+    const int8x32 is_rim =
+        (square * square_before > 0) &
+        ((dot <= 0) | (dot * dot < RIM_COSINE * RIM_COSINE * square * square_before));
+    return (struct edge_bits){lanes_bits(is_edge & is_rim),
+                              lanes_bits(is_edge & ((height > bound) | (height_before > bound)))};
+}
+
+static struct edge_bits look_scalar(const struct edge_change *change, int end, uint32_t first,
+                                    float bound)
+{
+    return look_at_edges(change, end, first, bound);
+}
+
+LANES_AVX2 static struct edge_bits look_avx2(const struct edge_change *change, int end,
+                                             uint32_t first, float bound)
+{
+    return look_at_edges(change, end, first, bound);
+}
+
+/* The middle of a new edge: its squared distance from the faces that are there, if that is more
+ * than `largest`, else that. */
+static float middle_square(const struct collapse *c, const struct edge_change *change, int end,
+                           uint32_t j, float largest)
+{
+    float middle[3];
+    for (int k = 0; k < 3; k++)
+        middle[k] = (change->looks[end]->at[k][j] + change->to[end][k]) / 2;
+    const struct point point = point_at(change, end, middle);
+    const float square = square_before(c, change, &point, largest, NULL);
+    return square > largest ? square : largest;
+}
+
+/* The largest squared distance of the new edges' middles, where the faces beside turn, of those
+ * eight; at least `largest`. */
+static float square_between_eight(const struct collapse *c, const struct edge_change *change,
+                                  int end, uint32_t first, float largest)
+{
+    const struct vertex_look *look = change->looks[end];
+    const float *heights = change->heights[end];
+    struct edge_bits bits = c->level >= CPU_AVX2 ? look_avx2(change, end, first, 4 * largest)
+                                                 : look_scalar(change, end, first, 4 * largest);
+    if ((change->looks[0]->flags | change->looks[1]->flags) & VERTEX_BORDER) {
+        bits.rims = 0;
+        for (uint32_t j = first; j < look->ring.count && j < first + LANES; j++)
+            bits.rims |= (unsigned)edge_is_rim(c, change, end, j) << (j - first);
+    }
+    for (unsigned left = bits.rims | bits.turned; left != 0; left &= left - 1) {
+        const uint32_t j = first + lowest_bit(left);
+        const uint32_t before = j > 0 ? j - 1 : look->ring.faces - 1;
+        if ((bits.rims >> (j - first) & 1) || heights[j] > 4 * largest ||
+            heights[before] > 4 * largest)
+            largest = middle_square(c, change, end, j, largest);
+    }
+    return largest;
+}
+
+/* Of all; 0 where that is not more than `enough`. */
 static float square_between(const struct collapse *c, const struct edge_change *change,
                             float enough)
 {
     float largest = enough;
-    for (int end = 0; end < 2; end++) {
-        const struct vertex_look *look = change->looks[end];
-        for (uint32_t j = 0; j < look->ring.count; j++) {
-            const uint32_t before = j > 0 ? j - 1 : look->ring.faces - 1;
-            const float *heights = change->heights[end];
-            const float height = heights[j] > heights[before] ? heights[j] : heights[before];
-            if (height <= 4 * largest && !edge_is_rim(c, change, end, j))
-                continue;
-            float middle[3];
-            for (int k = 0; k < 3; k++)
-                middle[k] = (look->at[k][j] + change->to[end][k]) / 2;
-            const struct point point = point_at(change, end, middle);
-            const float square = square_before(c, change, &point, largest, NULL);
-            largest = square > largest ? square : largest;
-        }
-    }
+    for (int end = 0; end < 2; end++)
+        for (uint32_t first = 0; first < change->looks[end]->ring.count; first += LANES)
+            largest = square_between_eight(c, change, end, first, largest);
     return largest > enough ? largest : 0;
 }
 
