@@ -43,6 +43,7 @@ void small_chain_cut(struct small_builder *b, uint32_t chain)
     const uint32_t length = line.interior_count + 2;
     const float *positions = b->block->positions;
     b->keep[line.start] = b->keep[line.end] = 1;
+    b->segment_count++;
     if (length == 2)
         return;
     memcpy(b->line, positions + 3 * (size_t)line.start, 3 * sizeof(float));
@@ -63,6 +64,7 @@ void small_chain_cut(struct small_builder *b, uint32_t chain)
         dropped = is_kept ? dropped : fmaxf(dropped, b->line_errors[i]);
     }
     b->dropped[chain] = dropped;
+    b->segment_count += kept;
     if (kept == 0 &&
         (small_is_seam(b, chain) || (small_on_seam(b, line.start) && small_on_seam(b, line.end))))
         b->keep[worst_interior(b, chain, &line, &metric)] = 1;

@@ -23,6 +23,7 @@ struct small_builder {
     double lost;          /* largest error of what was left out within it */
     uint32_t chain_total; /* chains, then seam chains */
     uint32_t use_count;
+    uint32_t segment_count; /* of all chains as they were cut */
     uint32_t *use_first;  /* a patch, and one more */
     uint32_t *face_first; /* likewise, of the faces that it was cut into */
     uint32_t *uses;       /* chain << 1 | walked from its end */

@@ -120,19 +120,47 @@ static enum status enter_chain(struct small_builder *b, uint32_t chain, bool *cl
     return enter_segment(b, chain, from, line.end, clash);
 }
 
+/* Makes room for what is to come, as far as it is known: arrays that grow bit by bit move, and
+ * touch memory that nobody has touched. */
+static enum status reserve_entries(struct small_builder *b, size_t needed)
+{
+    size_t capacity = b->entry_capacity;
+    enum status status = memory_reserve(b->ctx, &b->entries, &capacity, needed, sizeof *b->entries);
+    b->entry_capacity = (uint32_t)capacity;
+    return status;
+}
+
+/* A loop of n corners is cut into n - 2 faces by n - 3 diagonals; nearly all segments are on two.
+ */
+static enum status reserve_faces(struct small_builder *b)
+{
+    const size_t corners = 2 * (size_t)b->segment_count, patches = b->block->patch_count;
+    const size_t diagonals = corners > 3 * patches ? corners - 3 * patches : 0;
+    size_t capacity = b->face_capacity;
+    enum status status = reserve_entries(b, b->entry_count + diagonals);
+    if (status == STATUS_OK)
+        status =
+            memory_reserve(b->ctx, &b->faces, &capacity, diagonals + patches, 3 * sizeof *b->faces);
+    b->face_capacity = (uint32_t)capacity;
+    return status;
+}
+
 static enum status cut_chains(struct small_builder *b)
 {
     for (uint32_t chain = 0; chain < b->chain_total; chain++)
         small_chain_cut(b, chain);
+    enum status status = reserve_entries(b, (size_t)b->block->diagonal_count + b->segment_count);
+    if (status != STATUS_OK)
+        return status;
     for (bool clash = true; clash;) {
         clash = false;
-        enum status status = reserve_diagonals(b);
+        status = reserve_diagonals(b);
         for (uint32_t chain = 0; chain < b->chain_total && status == STATUS_OK; chain++)
             status = enter_chain(b, chain, &clash);
         if (status != STATUS_OK)
             return status;
     }
-    return STATUS_OK;
+    return reserve_faces(b);
 }
 
 /* ---- patches ---- */
