@@ -28,7 +28,7 @@
 #include "base/memory.h"
 #include "mesh/lookup.h"
 
-enum { ID_BATCH = 1024, FACE_BATCH = 1024, SWEEPS = 3 };
+enum { ID_BATCH = 4096, RUN = 256, SWEEPS = 3 };
 
 struct numbering {
     struct draft *draft;
@@ -647,18 +647,75 @@ static enum status append_slab(struct numbering *n)
     return STATUS_OK;
 }
 
-enum status number_take(struct numbering *n, const uint32_t *faces, size_t count, struct spool *to,
-                        size_t *dropped, bool *taken)
+/* The faces of a run that are kept: up to RUN, so that the ids have room for all that may be new.
+ * No slab ends before, and places are not counted. Whether a vertex is new can't be guessed, and is
+ * not asked: what is only so for a new one is done for each, and stays or not. */
+static size_t number_run(struct numbering *n, const uint32_t *faces, size_t count, uint32_t *to)
+{
+    uint32_t *number_of = n->number_of, *ids = n->ids;
+    uint32_t next = n->next, differs = 0;
+    size_t used = n->id_used, kept = 0;
+    for (size_t f = 0; f < count; f++, faces += 3) {
+        if (faces[0] == faces[1] || faces[1] == faces[2] || faces[0] == faces[2])
+            continue;
+        for (unsigned k = 0; k < 3; k++) {
+            const uint32_t id = faces[k], known = number_of[id];
+            const uint32_t is_new = known == 0, mask = -is_new;
+            const uint32_t number = ((known - 1) & ~mask) | (next & mask);
+            number_of[id] = number + 1;
+            to[3 * kept + k] = number;
+            differs |= (id ^ number) & mask;
+            ids[used] = id;
+            used += is_new;
+            next += is_new;
+            note_use(n, number);
+        }
+        kept++;
+    }
+    n->next = next;
+    n->id_used = used;
+    n->is_identity &= differs == 0;
+    return kept;
+}
+
+/* All faces, in runs. */
+static enum status number_runs(struct numbering *n, const uint32_t *faces, size_t count,
+                               struct spool *to)
+{
+    const uint64_t slab = (uint64_t)1 << n->draft->slab_shift;
+    uint32_t batch[3 * RUN];
+    enum status status = STATUS_OK;
+    while (count > 0 && status == STATUS_OK) {
+        const uint64_t left = slab - (n->kept & (slab - 1));
+        size_t run = count < RUN ? count : RUN;
+        run = left < run ? (size_t)left : run;
+        if (left == slab)
+            status = append_slab(n);
+        if (status == STATUS_OK && n->id_used + 3 * RUN > ID_BATCH) {
+            status = spool_append(&n->id_spool, n->ids, n->id_used * sizeof *n->ids);
+            n->id_used = 0;
+        }
+        if (status != STATUS_OK)
+            return status;
+        const size_t kept = number_run(n, faces, run, batch);
+        status = spool_append(to, batch, 3 * kept * sizeof *batch);
+        n->kept += kept;
+        faces += 3 * run;
+        count -= run;
+    }
+    return status;
+}
+
+/* The same, where places that are looked at are counted. */
+static enum status number_singly(struct numbering *n, const uint32_t *faces, size_t count,
+                                 struct spool *to)
 {
     const uint64_t slab_mask = ((uint64_t)1 << n->draft->slab_shift) - 1;
-    const uint64_t kept_before = n->kept;
-    uint32_t batch[3 * FACE_BATCH];
+    uint32_t batch[3 * RUN];
     enum status status = STATUS_OK;
-    *dropped = 0;
-    *taken = !has_jumped(n);
-    for (size_t f = 0; f < count && *taken && status == STATUS_OK;) {
+    for (size_t f = 0; f < count && status == STATUS_OK;) {
         size_t used = 0;
-        for (; f < count && used < 3 * FACE_BATCH && status == STATUS_OK; f++) {
+        for (; f < count && used < 3 * RUN && status == STATUS_OK; f++) {
             const uint32_t *ids = faces + 3 * f;
             if (ids[0] == ids[1] || ids[1] == ids[2] || ids[0] == ids[2])
                 continue;
@@ -671,8 +728,20 @@ enum status number_take(struct numbering *n, const uint32_t *faces, size_t count
         if (status == STATUS_OK)
             status = spool_append(to, batch, used * sizeof *batch);
     }
-    if (*taken)
-        *dropped = count - (size_t)(n->kept - kept_before);
+    return status;
+}
+
+enum status number_take(struct numbering *n, const uint32_t *faces, size_t count, struct spool *to,
+                        size_t *dropped, bool *taken)
+{
+    const uint64_t kept_before = n->kept;
+    *dropped = 0;
+    *taken = !has_jumped(n);
+    if (!*taken)
+        return STATUS_OK;
+    enum status status =
+        n->visits.seen ? number_singly(n, faces, count, to) : number_runs(n, faces, count, to);
+    *dropped = count - (size_t)(n->kept - kept_before);
     return status;
 }
 

@@ -165,8 +165,10 @@ void measure_slab(const struct draft *draft, const struct slab_scope *scope, con
         for (unsigned k = 0; k < 3; k++)
             along[k] = vec3_sub(p[next3(k)], p[k]);
         struct vec3 cross = vec3_cross(along[0], along[1]);
-        squares.areas[squares.face_count++] = vec3_dot(cross, cross);
-        measures->zero_area_faces += (cross.x == 0) & (cross.y == 0) & (cross.z == 0);
+        const double square = vec3_dot(cross, cross);
+        squares.areas[squares.face_count++] = square;
+        if (square == 0) /* as that of a tiny one may be, too */
+            measures->zero_area_faces += cross.x == 0 && cross.y == 0 && cross.z == 0;
         /* Half of the edges are the neighbours', and the next one takes their place. */
         for (unsigned k = 0; k < 3; k++) {
             squares.edges[squares.edge_count] = vec3_dot(along[k], along[k]);

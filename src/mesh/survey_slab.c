@@ -275,7 +275,7 @@ static enum status spread(const struct draft *draft, struct surveyor *s, uint32_
         return status;
     struct component *component = &s->components.list[number];
     queue[0] = i;
-    for (; head < tail; head++) {
+    for (; head < tail; head++) { /* no walk has passed a corner yet: marks are components only */
         const uint32_t *over = neighbours + 3 * (size_t)queue[head];
         if (head + AHEAD < tail)
             __builtin_prefetch(neighbours + 3 * (size_t)queue[head + AHEAD]);
@@ -287,7 +287,7 @@ static enum status spread(const struct draft *draft, struct surveyor *s, uint32_
                 continue;
             }
             queue[tail] = there;
-            tail += marks[there] >> CORNER_BITS == no_component;
+            tail += marks[there] != mark;
             marks[there] = mark;
         }
         if (ends)
@@ -301,9 +301,13 @@ static enum status find_components(const struct draft *draft, struct surveyor *s
 {
     enum status status = memory_reserve(draft->ctx, &s->queue, &s->queue_capacity,
                                         (size_t)s->scope->face_count + 1, sizeof *s->queue);
-    for (uint32_t i = 0; i < s->scope->face_count && status == STATUS_OK; i++)
-        if (s->marks[i] >> CORNER_BITS == no_component)
-            status = spread(draft, s, i);
+    for (uint32_t i = 0, left = s->scope->face_count; left && status == STATUS_OK; i++) {
+        if (s->marks[i] >> CORNER_BITS != no_component)
+            continue;
+        status = spread(draft, s, i);
+        if (status == STATUS_OK)
+            left -= s->components.list[s->components.count - 1].faces;
+    }
     return status;
 }
 
