@@ -674,6 +674,45 @@ static void damaged_shapes(void **state)
     }
 }
 
+/* `size` faces round vertex 0, the last only if `closed`. */
+static void add_fan(struct shape *shape, uint32_t size, bool closed)
+{
+    const uint32_t first = (uint32_t)shape->vertex_count;
+    for (uint32_t i = 0; i < size; i++)
+        shape_vertex(shape, 0, 0, 0);
+    for (uint32_t i = 0; i + !closed < size; i++)
+        shape_triangle(shape, 0, first + i, first + (i + 1) % size);
+}
+
+/* Vertices of few, some and many faces are matched in three ways, and have to agree where the edges
+ * of one have their ends at another. */
+static void fans_of_all_sizes(void **state)
+{
+    static const uint32_t sizes[] = {2, 3, 4, 8, 15, 16, 17, 18, 63, 64, 65, 66, 90};
+    (void)state;
+    for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++)
+        for (unsigned kind = 0; kind < 6; kind++) {
+            const uint32_t size = sizes[s];
+            struct shape shape = {0};
+            shape_vertex(&shape, 0, 0, 0);
+            add_fan(&shape, size, kind != 1);
+            if (kind == 2) /* one turned */
+                shape_flip(&shape, size / 2);
+            if (kind == 3) /* an edge of three faces */
+                shape_triangle(&shape, 0, 1, 1 + size / 2);
+            if (kind == 4) /* a second fan */
+                add_fan(&shape, size, true);
+            if (kind == 5) { /* another vertex of as many, round the same ring */
+                shape_vertex(&shape, 0, 0, 0);
+                for (uint32_t i = 0; i < size; i++)
+                    shape_triangle(&shape, size + 1, 1 + (i + 1) % size, 1 + i);
+            }
+            shape_shuffle(&shape, size);
+            check_shape(&shape);
+            shape_free(&shape);
+        }
+}
+
 /* Vertices of random faces coincide on a coarse grid; -0 and 0 are one. */
 static void welding(void **state)
 {
@@ -779,11 +818,9 @@ static void curve_order_changes_nothing(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(soups_of_random_triangles),
-        cmocka_unit_test(sparse_soups),
-        cmocka_unit_test(shapes_as_they_are),
-        cmocka_unit_test(damaged_shapes),
-        cmocka_unit_test(welding),
+        cmocka_unit_test(soups_of_random_triangles),   cmocka_unit_test(sparse_soups),
+        cmocka_unit_test(shapes_as_they_are),          cmocka_unit_test(damaged_shapes),
+        cmocka_unit_test(fans_of_all_sizes),           cmocka_unit_test(welding),
         cmocka_unit_test(curve_order_changes_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
