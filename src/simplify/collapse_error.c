@@ -250,13 +250,15 @@ static struct point point_at(const struct edge_change *change, int end, const fl
     return point;
 }
 
-/* From the faces that there will be; below `enough` it need not be exact. */
-static float square_after(const struct collapse *c, const struct edge_change *change,
+/* From the faces that there will be, those at `first` before the others; below `enough` it need not
+ * be exact. */
+static float square_after(const struct collapse *c, const struct edge_change *change, int first,
                           const struct point *p, float enough)
 {
     uint32_t gone[2];
     float nearest = FAR;
-    for (int end = 0; end < 2 && nearest > enough; end++) {
+    for (int i = 0; i < 2 && nearest > enough; i++) {
+        const int end = first ^ i;
         edge_faces_gone(change, end, gone);
         const float square =
             nearest_square(c, change->looks[end], change->to[end], gone, p->at[end], NULL);
@@ -271,13 +273,13 @@ struct face_place {
     uint32_t place;
 };
 
-/* From the faces that are there, *nearest (may be NULL) the nearest of them; below `enough` it need
- * not be exact. */
-static float square_before(const struct collapse *c, const struct edge_change *change,
+/* From the faces that are there, likewise; *nearest (may be NULL): the nearest of them. */
+static float square_before(const struct collapse *c, const struct edge_change *change, int first,
                            const struct point *p, float enough, struct face_place *nearest)
 {
     float least = INFINITY;
-    for (int end = 0; end < 2 && (end == 0 || least > enough); end++) {
+    for (int i = 0; i < 2 && (i == 0 || least > enough); i++) {
+        const int end = first ^ i;
         uint32_t place = 0;
         const float square = nearest_square(c, change->looks[end], origin, none_gone, p->at[end],
                                             nearest ? &place : NULL);
@@ -296,7 +298,7 @@ static float offset_after(const struct collapse *c, const struct edge_change *ch
 {
     struct face_place face = {0, 0};
     const struct point point = point_at(change, 0, change->to[0]);
-    const float step = sqrtf(square_before(c, change, &point, 0, &face));
+    const float step = sqrtf(square_before(c, change, 0, &point, 0, &face));
     const struct vertex_look *look = change->looks[face.end];
     const uint32_t j = face.place, next = j + 1 < look->ring.count ? j + 1 : 0;
     const struct vec3 p = {(double)point.at[face.end][0], (double)point.at[face.end][1],
@@ -403,7 +405,7 @@ static float middle_square(const struct collapse *c, const struct edge_change *c
     for (int k = 0; k < 3; k++)
         middle[k] = (change->looks[end]->at[k][j] + change->to[end][k]) / 2;
     const struct point point = point_at(change, end, middle);
-    const float square = square_before(c, change, &point, largest, NULL);
+    const float square = square_before(c, change, end, &point, largest, NULL);
     return square > largest ? square : largest;
 }
 
@@ -457,8 +459,8 @@ bool edge_keeps_witnesses(const struct collapse *c, const struct edge_change *ch
             for (int k = 0; k < 3; k++)
                 offset[k] += look->at[k][j];
             const struct point point = point_at(change, end, offset);
-            if (square_after(c, change, &point, most) > most &&
-                square_before(c, change, &point, most, NULL) <= most)
+            if (square_after(c, change, end, &point, most) > most &&
+                square_before(c, change, end, &point, most, NULL) <= most)
                 return false;
         }
     }
@@ -490,14 +492,14 @@ float edge_square_after(const struct collapse *c, const struct edge_change *chan
                         const float p[3], float enough)
 {
     const struct point point = point_at(change, end, p);
-    return square_after(c, change, &point, enough);
+    return square_after(c, change, end, &point, enough);
 }
 
 float edge_square_before(const struct collapse *c, const struct edge_change *change, int end,
                          const float p[3])
 {
     const struct point point = point_at(change, end, p);
-    return square_before(c, change, &point, 0, NULL);
+    return square_before(c, change, end, &point, 0, NULL);
 }
 
 void edge_find_error(const struct collapse *c, const struct edge_change *change, double enough,
@@ -518,7 +520,7 @@ void edge_find_error(const struct collapse *c, const struct edge_change *change,
             offset[0] = offset[1] = offset[2] = 0;
         }
         const struct point point = point_at(change, end, offset);
-        const float square = square_after(c, change, &point, largest);
+        const float square = square_after(c, change, end, &point, largest);
         if (square <= largest)
             continue;
         largest = square;
