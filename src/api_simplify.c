@@ -91,7 +91,7 @@ static bool resume_store(struct run *run)
 /*
  * What slabs on their way to patchify may take in memory, and again blocks on theirs to lod: a part
  * of what the budget has beyond what the stages need, the seams taking up to half of it. Besides,
- * neither makes a run take more than it has before (store_hold.h, chain_hold.h).
+ * neither makes a run take more than hold_most_in_use.
  */
 static uint64_t spare_memory(const struct run *run)
 {
@@ -209,7 +209,7 @@ static enum status patchify_stage(struct run *run)
     request.slabs = request.is_own_store ? &run->slabs : NULL;
     if (run->work.chains_fd >= 0) {
         run->hold.most_bytes = spare_memory(run);
-        run->hold.most_in_use = atomic_load(&run->ctx->memory_peak);
+        run->hold.most_in_use = hold_most_in_use(run->ctx, run->report->store.topology.vertices);
         request.hold = &run->hold;
     }
     enum status status = STATUS_OK;

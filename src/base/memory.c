@@ -314,19 +314,23 @@ void memory_release(struct context *ctx, void *inout, size_t count, size_t size)
 void memory_release_front(struct context *ctx, void *inout, size_t *bytes, size_t front)
 {
     unsigned char *block = get_pointer(inout);
-    if (!block || front >= *bytes) {
+    const bool is_all = front >= *bytes;
+    if (!block || (!is_map(*bytes) && !is_all))
+        return;
+    if (!is_map(*bytes)) {
         memory_release(ctx, inout, *bytes, 1);
         *bytes = 0;
         return;
     }
-    const size_t pages = front & ~(page_size() - 1);
-    if (!is_map(*bytes) || !is_map(*bytes - pages) || pages == 0)
+    const size_t pages = is_all ? map_bytes(*bytes) : front & ~(page_size() - 1);
+    if (pages == 0 || (!is_all && !is_map(*bytes - pages)))
         return;
-    ASAN_UNPOISON_MEMORY_REGION(block, pages);
-    munmap(block, pages);
+    const size_t whole = pages + (is_all ? guard_bytes() : 0);
+    ASAN_UNPOISON_MEMORY_REGION(block, whole);
+    munmap(block, whole);
     account_remove(ctx, pages);
-    *bytes -= pages;
-    set_pointer(inout, block + pages);
+    *bytes = is_all ? 0 : *bytes - pages;
+    set_pointer(inout, is_all ? NULL : block + pages);
 }
 
 enum status memory_hold(struct context *ctx, uint64_t bytes)

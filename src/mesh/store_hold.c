@@ -5,7 +5,7 @@
  * first touch of new pages. Where the draft is in memory its arrays simply stay there. They are
  * given back from the front while the next stage goes over them, since what that takes for itself
  * grows at the same time, and no more of them stay than let both together come to what import took
- * at its peak; the slabs behind go into the file as ever.
+ * at its peak, or might have; the slabs behind go into the file as ever.
  */
 #include "mesh/store_hold.h"
 
@@ -48,11 +48,11 @@ enum status store_hold_begin(struct store_hold *hold, const struct draft *draft)
 {
     struct context *ctx = draft->ctx;
     const uint64_t most_bytes = hold->most_bytes, beside = hold->beside;
-    const uint64_t peak = atomic_load(&ctx->memory_peak);
+    const uint64_t most_in_use = hold_most_in_use(ctx, draft->vertex_count);
     store_hold_clear(hold);
     hold->most_bytes = most_bytes;
     hold->beside = beside;
-    uint64_t left = peak > beside ? peak - beside : 0;
+    uint64_t left = most_in_use > beside ? most_in_use - beside : 0;
     left = left < most_bytes ? left : most_bytes;
     uint32_t count = 0;
     for (; can_hold(draft) && count < draft->slab_count; count++) {

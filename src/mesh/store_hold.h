@@ -20,12 +20,21 @@ struct held_array {
     size_t rest_size;
 };
 
+/* What the account may have with what is held for the next stage: what it had before, or so many
+ * bytes a vertex, which is what an import takes whose order is not a scan's. */
+enum { HOLD_VERTEX = 86 };
+static inline uint64_t hold_most_in_use(const struct context *ctx, uint64_t vertices)
+{
+    const uint64_t peak = atomic_load(&ctx->memory_peak), plain = HOLD_VERTEX * vertices;
+    return peak > plain ? peak : plain;
+}
+
 /* All zero holds nothing, and needs no clearing. */
 struct store_hold {
     struct context *ctx;
     uint64_t most_bytes;  /* the caller's: what may be held; 0: nothing */
     uint64_t beside;      /* the caller's: what will be taken beside them, less what slabs at work
-                             are forgotten for: with it the account's peak is not to be passed */
+                             are forgotten for */
     uint32_t slab_count;  /* held: the first so many of the store */
     uint32_t done_before; /* all slabs before it are forgotten */
     unsigned slab_shift;
