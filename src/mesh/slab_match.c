@@ -6,8 +6,7 @@
  * long that list is and whether it has the edge can't be guessed, and a step guessed wrong costs
  * more than all the rest of an edge.
  *
- * Here corners are filed under their vertices, by counting, those of half of the vertices at a
- * time. Round a vertex each face has an
+ * Here all corners are filed under their vertices, by counting. Round a vertex each face has an
  * edge that leaves it and one that comes in; the edge leaving one face is the one that comes in of
  * the next. A small table of where which edge comes in, written anew for each vertex, tells that
  * without a question; what is found is compared, so that what the table says of other vertices, or
@@ -28,16 +27,10 @@
 #include "base/radix_sort.h"
 
 enum {
-    FEW = 16,  /* faces at a vertex, found by the table */
-    SOME = 64, /* compared one with one */
+    FEW = SLAB_MATCH_FEW, /* faces at a vertex, found by the table */
+    SOME = 64,            /* compared one with one */
     NOWHERE = 0xff
 };
-
-/* A filed corner: from the lowest bits on the local numbers of the vertices behind and before it in
- * its face, which corner it is, and the face of the slab. */
-enum { FIELD_BITS = SLAB_SHIFT + 2, FIELD_MASK = (1 << FIELD_BITS) - 1 };
-_Static_assert(2 * FIELD_BITS + 2 + SLAB_SHIFT <= 64 && 3 << SLAB_SHIFT <= 1 << FIELD_BITS,
-               "what is filed of a corner fits in a word");
 
 struct slab_edges { /* the slab in work, for the inner loops */
     const uint32_t *faces;
@@ -46,95 +39,62 @@ struct slab_edges { /* the slab in work, for the inner loops */
     uint32_t face_first;
 };
 
-static inline uint64_t corner_pack(uint32_t f, unsigned k, uint32_t next, uint32_t previous)
+/* A filed corner: face of the slab << 2 | corner. */
+static inline uint32_t corner_face(uint32_t corner)
 {
-    return (uint64_t)(f << 2 | k) << 2 * FIELD_BITS | (uint64_t)previous << FIELD_BITS | next;
+    return corner >> 2;
 }
 
-static inline uint32_t corner_face(uint64_t corner)
+static inline unsigned corner_place(uint32_t corner)
 {
-    return (uint32_t)(corner >> (2 * FIELD_BITS + 2));
+    return corner & 3;
 }
 
-static inline unsigned corner_place(uint64_t corner)
+/* Its place among those of all faces, three each. */
+static inline size_t corner_index(uint32_t corner)
 {
-    return (unsigned)(corner >> 2 * FIELD_BITS) & 3;
+    return corner - (corner >> 2);
 }
 
 /* The vertices at the other ends of the edges that leave and come in. */
-static inline uint32_t corner_next(uint64_t corner)
+static inline uint32_t corner_next(const struct slab_edges *s, uint32_t corner)
 {
-    return (uint32_t)corner & FIELD_MASK;
+    static const int8_t step[4] = {1, 1, -2, 0};
+    return s->faces[(ptrdiff_t)corner_index(corner) + step[corner_place(corner)]];
 }
 
-static inline uint32_t corner_previous(uint64_t corner)
+static inline uint32_t corner_previous(const struct slab_edges *s, uint32_t corner)
 {
-    return (uint32_t)(corner >> FIELD_BITS) & FIELD_MASK;
+    static const int8_t step[4] = {2, -1, -1, 0};
+    return s->faces[(ptrdiff_t)corner_index(corner) + step[corner_place(corner)]];
 }
 
 /* The edge that comes in. */
-static inline unsigned edge_into(uint64_t corner)
+static inline unsigned edge_into(uint32_t corner)
 {
     return previous3(corner_place(corner));
 }
 
-/* Where the corners of each local vertex would end, were all filed. */
-static void count_corners(const struct slab_edges *s, struct slab_matcher *m)
+/* Files the corners of all faces under their vertices: those of local vertex v are
+ * [end[v - 1], end[v]). */
+static void file_corners(const struct slab_edges *s, struct slab_matcher *m)
 {
     const struct slab_scope *scope = &m->scope;
-    const uint32_t locals = scope_local_count(scope);
-    uint32_t *end = m->end;
+    const uint32_t locals = scope_local_count(scope), faces = scope->face_count;
+    uint32_t *end = m->end, *corners = m->corners;
     memset(end, 0, (size_t)locals * sizeof *end);
-    for (size_t c = 0; c < 3 * (size_t)scope->face_count; c++)
+    for (size_t c = 0; c < 3 * (size_t)faces; c++)
         end[scope_local(scope, s->faces[c])]++;
-    for (uint32_t v = 1; v < locals; v++)
-        end[v] += end[v - 1];
-}
-
-/* Corners that are filed at a time: a vertex has one of each face at most. */
-static size_t filed_at_once(uint32_t face_count)
-{
-    return (size_t)face_count + face_count / 2 + FEW;
-}
-
-/* The local vertices from `first` on whose corners have room. */
-static uint32_t end_of_round(const struct slab_matcher *m, uint32_t first)
-{
-    const uint32_t locals = scope_local_count(&m->scope), begin = first ? m->end[first - 1] : 0;
-    const size_t room = filed_at_once(m->scope.face_count);
-    uint32_t low = first + 1, high = locals;
-    while (low < high) {
-        uint32_t middle = low + (high - low + 1) / 2;
-        if (m->end[middle - 1] - begin <= room)
-            low = middle;
-        else
-            high = middle - 1;
+    uint32_t begin = 0; /* counts become begins, which filing turns into ends */
+    for (uint32_t v = 0; v < locals; v++) {
+        const uint32_t count = end[v];
+        end[v] = begin;
+        begin += count;
     }
-    return low;
-}
-
-/* Files the corners of the local vertices [first, last), from their ends downwards: end[v] becomes
- * where they begin, counted from the first of all. */
-static void file_corners(const struct slab_edges *s, struct slab_matcher *m, uint32_t first,
-                         uint32_t last)
-{
-    const struct slab_scope *scope = &m->scope;
-    const uint32_t range = last - first, begin = first ? m->end[first - 1] : 0;
-    const uint32_t filed = m->end[last - 1] - begin;
-    uint32_t *end = m->end;
-    uint64_t *corners = m->corners;
-    for (uint32_t f = scope->face_count; f-- > 0;) {
-        const uint32_t *face = s->faces + 3 * (size_t)f;
-        const uint32_t a = scope_local(scope, face[0]), b = scope_local(scope, face[1]),
-                       c = scope_local(scope, face[2]);
-        if (a - first < range)
-            corners[--end[a] - begin] = corner_pack(f, 0, b, c);
-        if (b - first < range)
-            corners[--end[b] - begin] = corner_pack(f, 1, c, a);
-        if (c - first < range)
-            corners[--end[c] - begin] = corner_pack(f, 2, a, b);
-    }
-    memset(corners + filed, 0, FEW * sizeof *corners); /* looked at for nothing */
+    for (uint32_t f = 0; f < faces; f++)
+        for (unsigned k = 0; k < 3; k++)
+            corners[end[scope_local(scope, s->faces[3 * (size_t)f + k])]++] = f << 2 | k;
+    memset(corners + begin, 0, FEW * sizeof *corners); /* looked at for nothing */
 }
 
 /* ---- few faces, each with the next ---- */
@@ -158,36 +118,37 @@ static inline bool is_circle(uint64_t next, uint32_t count)
 
 /* False, and neighbours and mates are to be entered otherwise, unless all faces, 3 to FEW, follow
  * one another in a circle. */
-static inline bool match_few(const struct slab_edges *s, uint8_t *table, const uint64_t *corners,
-                             uint32_t count)
+static inline bool match_few(const struct slab_edges *s, struct slab_matcher *m,
+                             const uint32_t *corners, uint32_t count)
 {
     /* of an edge that leaves at 4 * place what comes in at a place */
     static const uint8_t mates[12] = {2, 0, 1, 0, 8, 0, 4, 0, 32, 0, 16, 0};
-    uint64_t differs = 0, circle = 0;
-    uint32_t beyond = 0; /* negative if what was found is of another vertex */
-    for (uint32_t i = 0; i < count; i++)
-        table[table_place(corner_previous(corners[i]))] = (uint8_t)i;
+    uint64_t circle = 0;
+    uint32_t differs = 0, beyond = 0; /* negative if what was found is of another vertex */
+    for (uint32_t i = 0; i < count; i++) {
+        const uint32_t previous = corner_previous(s, corners[i]);
+        m->previous[i] = previous;
+        m->table[table_place(previous)] = (uint8_t)i;
+    }
     for (uint32_t i = count; i-- > 0;) {
-        const uint64_t here = corners[i];
-        const uint8_t j = table[table_place(corner_next(here))];
-        const uint64_t there = corners[j];
-        const uint32_t f = corner_face(here);
-        const unsigned k = corner_place(here);
-        differs |= here ^ there >> FIELD_BITS;
+        const uint32_t here = corners[i], next = corner_next(s, here);
+        const uint8_t j = m->table[table_place(next)];
+        const uint32_t there = corners[j];
+        differs |= next ^ m->previous[j];
         circle = circle << 4 | j;
         beyond |= count - 1 - j;
-        s->neighbours[3 * (size_t)f + k] = s->face_first + corner_face(there);
-        s->mates[f] |= mates[4 * k + corner_place(there)];
+        s->neighbours[corner_index(here)] = s->face_first + corner_face(there);
+        s->mates[corner_face(here)] |= mates[4 * corner_place(here) + corner_place(there)];
     }
-    return (differs & FIELD_MASK) == 0 && beyond < FEW && is_circle(circle, count);
+    return differs == 0 && beyond < FEW && is_circle(circle, count);
 }
 
 /* ---- any number ---- */
 
 /* What lies over the edge that leaves at `here`: of `sides` faces in all, the one that is not its
  * own has it as an edge that comes in at `there`, or, if `turned`, leaves there, too. */
-static inline void enter_side(const struct slab_edges *s, uint64_t here, size_t sides,
-                              uint64_t there, bool turned)
+static inline void enter_side(const struct slab_edges *s, uint32_t here, size_t sides,
+                              uint32_t there, bool turned)
 {
     const uint32_t f = corner_face(here);
     uint32_t over = sides == 1 ? NO_INDEX : CROWDED;
@@ -196,7 +157,7 @@ static inline void enter_side(const struct slab_edges *s, uint64_t here, size_t 
         over = s->face_first + corner_face(there);
         mate = turned ? corner_place(there) : edge_into(there);
     }
-    s->neighbours[3 * (size_t)f + corner_place(here)] = over;
+    s->neighbours[corner_index(here)] = over;
     mate_set(s->mates, f, corner_place(here), mate);
 }
 
@@ -229,14 +190,14 @@ static bool is_harmless(const uint8_t *next, uint32_t count, bool is_shared)
     return is_shared || is_one_way(next, count);
 }
 
-static void match_some(const struct slab_edges *s, const uint64_t *corners, uint32_t count,
+static void match_some(const struct slab_edges *s, const uint32_t *corners, uint32_t count,
                        bool is_shared, bool *is_plain)
 {
     uint32_t leaves[SOME], comes[SOME];
     uint8_t next[SOME];
     for (uint32_t i = 0; i < count; i++) {
-        leaves[i] = corner_next(corners[i]);
-        comes[i] = corner_previous(corners[i]);
+        leaves[i] = corner_next(s, corners[i]);
+        comes[i] = corner_previous(s, corners[i]);
     }
     for (uint32_t i = 0; i < count; i++) {
         unsigned out = 0, in = 0, other_out = 0, other_in = 0;
@@ -256,7 +217,7 @@ static void match_some(const struct slab_edges *s, const uint64_t *corners, uint
 
 /* Sides by their other ends: vertex << 32 | place << 1 | whether it leaves. */
 static enum status match_many(const struct slab_edges *s, struct slab_matcher *m,
-                              const uint64_t *corners, uint32_t count)
+                              const uint32_t *corners, uint32_t count)
 {
     struct context *ctx = m->scope.ctx;
     const size_t side_count = 2 * (size_t)count;
@@ -269,8 +230,8 @@ static enum status match_many(const struct slab_edges *s, struct slab_matcher *m
     if (status != STATUS_OK)
         return status;
     for (uint32_t i = 0; i < count; i++) {
-        m->sides[2 * (size_t)i] = (uint64_t)corner_next(corners[i]) << 32 | i << 1 | 1;
-        m->sides[2 * (size_t)i + 1] = (uint64_t)corner_previous(corners[i]) << 32 | i << 1;
+        m->sides[2 * (size_t)i] = (uint64_t)corner_next(s, corners[i]) << 32 | i << 1 | 1;
+        m->sides[2 * (size_t)i + 1] = (uint64_t)corner_previous(s, corners[i]) << 32 | i << 1;
     }
     status = radix_sort(ctx, (unsigned char *)m->sides, (unsigned char *)m->scratch, side_count,
                         sizeof *m->sides, 1, &bytes);
@@ -293,17 +254,17 @@ static enum status match_many(const struct slab_edges *s, struct slab_matcher *m
 
 /* ---- the whole ---- */
 
-/* What is filed at local vertices [first, last). */
-static enum status match_vertices(const struct draft *draft, const struct slab_edges *s,
-                                  struct slab_matcher *m, uint32_t first, uint32_t last,
-                                  uint32_t end, bool *is_plain)
+static enum status match_all(const struct draft *draft, const struct slab_edges *s,
+                             struct slab_matcher *m, bool *is_plain)
 {
-    const uint32_t own = m->scope.own_count, begin = m->end[first];
+    const uint32_t locals = scope_local_count(&m->scope), own = m->scope.own_count;
     enum status status = STATUS_OK;
-    for (uint32_t v = first; v < last && status == STATUS_OK; v++) {
-        const uint64_t *corners = m->corners + (m->end[v] - begin);
-        const uint32_t count = (v + 1 < last ? m->end[v + 1] : end) - m->end[v];
-        if (count - 3 <= FEW - 3 && match_few(s, m->table, corners, count))
+    memset(s->mates, 0, m->scope.face_count);
+    for (uint32_t v = 0, begin = 0; v < locals && status == STATUS_OK; v++) {
+        const uint32_t *corners = m->corners + begin;
+        const uint32_t count = m->end[v] - begin;
+        begin = m->end[v];
+        if (count - 3 <= FEW - 3 && match_few(s, m, corners, count))
             continue;
         if (count <= SOME) {
             match_some(s, corners, count, v >= own || is_shared(draft, m->scope.vertex_first + v),
@@ -312,23 +273,6 @@ static enum status match_vertices(const struct draft *draft, const struct slab_e
             *is_plain = false;
             status = match_many(s, m, corners, count);
         }
-    }
-    m->end[last - 1] = end; /* for the next round */
-    return status;
-}
-
-static enum status match_all(const struct draft *draft, const struct slab_edges *s,
-                             struct slab_matcher *m, bool *is_plain)
-{
-    const uint32_t locals = scope_local_count(&m->scope);
-    enum status status = STATUS_OK;
-    memset(s->mates, 0, m->scope.face_count);
-    count_corners(s, m);
-    for (uint32_t first = 0; first < locals && status == STATUS_OK;) {
-        const uint32_t last = end_of_round(m, first), end = m->end[last - 1];
-        file_corners(s, m, first, last);
-        status = match_vertices(draft, s, m, first, last, end, is_plain);
-        first = last;
     }
     return status;
 }
@@ -342,7 +286,7 @@ enum status slab_match(struct draft *draft, uint32_t slab, struct slab_matcher *
                                 sizeof *m->end);
     if (status == STATUS_OK)
         status = memory_reserve(ctx, &m->corners, &m->corner_capacity,
-                                filed_at_once(m->scope.face_count) + FEW, sizeof *m->corners);
+                                3 * (size_t)m->scope.face_count + FEW, sizeof *m->corners);
     if (status != STATUS_OK)
         return status;
     const uint32_t first = m->scope.face_first;
@@ -350,6 +294,7 @@ enum status slab_match(struct draft *draft, uint32_t slab, struct slab_matcher *
                                  draft->neighbours + 3 * (size_t)first, draft->mates + first,
                                  first};
     *is_plain = true;
+    file_corners(&s, m);
     return match_all(draft, &s, m, is_plain);
 }
 

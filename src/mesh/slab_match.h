@@ -8,19 +8,21 @@
 
 #define CROWDED (UINT32_MAX - 1) /* in neighbours[] of a slab in work: more than two faces */
 
-enum { SLAB_MATCH_TABLE_BITS = 11 };
+enum { SLAB_MATCH_TABLE_BITS = 11, SLAB_MATCH_FEW = 16 };
 
 struct slab_matcher { /* one a worker; all zero before its first use */
     struct slab_scope scope;
-    uint32_t *end; /* a local vertex: where its corners end; when they are filed, begin */
+    uint32_t *end; /* a local vertex: where its corners end, and those of the next begin */
     size_t end_capacity;
-    uint64_t *corners; /* by vertex */
+    uint32_t *corners; /* by vertex */
     size_t corner_capacity;
     uint64_t *sides; /* of a vertex with many faces */
     size_t side_capacity;
     uint64_t *scratch;
     size_t scratch_capacity;
-    uint8_t table[1 << SLAB_MATCH_TABLE_BITS];
+    /* of the vertex in work, and what is left of others */
+    uint8_t table[1 << SLAB_MATCH_TABLE_BITS]; /* by a hash of where an edge that comes in begins */
+    uint32_t previous[SLAB_MATCH_FEW];         /* where it begins, by face */
 };
 
 /*
