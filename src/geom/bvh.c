@@ -391,6 +391,26 @@ out:
     return status;
 }
 
+enum status bvh_copy(struct context *ctx, const struct bvh *from, const double *positions,
+                     const uint32_t *faces, struct bvh *bvh)
+{
+    *bvh = *from;
+    bvh->positions = positions;
+    bvh->faces = faces;
+    bvh->order = NULL;
+    bvh->nodes = NULL;
+    enum status status = memory_take(ctx, bvh->count, sizeof *bvh->order, &bvh->order);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, bvh->node_count, sizeof *bvh->nodes, &bvh->nodes);
+    if (status != STATUS_OK) {
+        bvh_clear(ctx, bvh);
+        return status;
+    }
+    memcpy(bvh->order, from->order, bvh->count * sizeof *bvh->order);
+    memcpy(bvh->nodes, from->nodes, bvh->node_count * sizeof *bvh->nodes);
+    return STATUS_OK;
+}
+
 void bvh_clear(struct context *ctx, struct bvh *bvh)
 {
     memory_release(ctx, &bvh->order, bvh->count, sizeof *bvh->order);

@@ -44,6 +44,9 @@ struct bvh {
  * work on it. */
 enum status bvh_build(struct context *ctx, const double *positions, const uint32_t *faces,
                       uint32_t count, bool together, struct bvh *bvh) MUST_CHECK;
+/* The same tree over a copy of the triangles. */
+enum status bvh_copy(struct context *ctx, const struct bvh *from, const double *positions,
+                     const uint32_t *faces, struct bvh *bvh) MUST_CHECK;
 void bvh_clear(struct context *ctx, struct bvh *bvh);
 
 struct nearest {

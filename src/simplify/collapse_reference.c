@@ -56,7 +56,7 @@ enum status reference_copy(const struct collapse *from, struct collapse *to)
     memcpy(r->positions, f->positions, vertices * 3 * sizeof *r->positions);
     memcpy(r->faces, f->faces, faces * 3 * sizeof *r->faces);
     memcpy(r->next, f->next, vertices * sizeof *r->next);
-    return bvh_build(to->ctx, r->positions, r->faces, (uint32_t)r->face_count, true, &r->tree);
+    return bvh_copy(to->ctx, &f->tree, r->positions, r->faces, &r->tree);
 }
 
 uint64_t reference_most_faces(const struct collapse *c)
