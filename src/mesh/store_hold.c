@@ -13,6 +13,7 @@
 
 #include "base/memory.h"
 #include "mesh/draft.h"
+#include "mesh/slab_geometry.h"
 
 struct held_slab {
     uint32_t vertex_first, own_count, face_count, foreign_count;
@@ -31,10 +32,9 @@ static bool is_in_memory(const struct spool *spool)
 
 static bool can_hold(const struct draft *draft)
 {
-    return draft->is_float32 && draft->id_count == 0 && !draft->seams &&
-           is_in_memory(&draft->face_spool) && is_in_memory(&draft->neighbour_spool) &&
-           is_in_memory(&draft->mate_spool) && is_in_memory(&draft->position_spool) &&
-           is_in_memory(&draft->record_spool);
+    return draft->id_count == 0 && !draft->seams && is_in_memory(&draft->face_spool) &&
+           is_in_memory(&draft->neighbour_spool) && is_in_memory(&draft->mate_spool) &&
+           is_in_memory(&draft->position_spool) && is_in_memory(&draft->record_spool);
 }
 
 static uint64_t slab_faces(const struct draft *draft, uint32_t slab)
@@ -109,7 +109,19 @@ static enum status take_array(struct context *ctx, struct spool *spool, size_t s
     return STATUS_OK;
 }
 
-enum status store_hold_take(struct store_hold *hold, struct draft *draft)
+/* Positions as they are stored, in place of the draft's: from the front, as they take half the
+ * room. */
+static void round_positions(const struct frame *frame, struct draft *draft, size_t vertices)
+{
+    unsigned char *to = draft->position_spool.memory;
+    for (size_t v = 0; v < vertices; v++) {
+        float position[3];
+        frame_position(frame, draft, v, position);
+        memcpy(to + POSITION_SIZE * v, position, sizeof position);
+    }
+}
+
+enum status store_hold_take(struct store_hold *hold, const struct frame *frame, struct draft *draft)
 {
     if (hold->slab_count == 0)
         return STATUS_OK;
@@ -117,6 +129,8 @@ enum status store_hold_take(struct store_hold *hold, struct draft *draft)
     const size_t vertices = (size_t)last->vertex_first + last->own_count;
     const size_t faces = ((size_t)(hold->slab_count - 1) << hold->slab_shift) + last->face_count;
     struct context *ctx = hold->ctx;
+    if (!draft->is_float32)
+        round_positions(frame, draft, vertices);
     enum status status = take_array(ctx, &draft->face_spool, FACE_SIZE * faces, &hold->faces);
     if (status == STATUS_OK)
         status = take_array(ctx, &draft->neighbour_spool, FACE_SIZE * faces, &hold->neighbours);

@@ -10,6 +10,7 @@
 #include "mesh/store.h"
 
 struct draft;
+struct frame;
 struct slab_scope;
 struct held_slab;
 
@@ -46,14 +47,15 @@ struct store_hold {
 
 /* ---- for store_write ---- */
 
-/* Chooses how many slabs will be held of a draft that is done: none where it is not in memory, or
- * positions are not what is stored. What was begun before is dropped. */
+/* Chooses how many slabs will be held of a draft that is done: none where it is not in memory. What
+ * was begun before is dropped. */
 enum status store_hold_begin(struct store_hold *hold, const struct draft *draft) MUST_CHECK;
 /* Keeps what the draft does not: the list of foreign vertices with their positions. */
 enum status store_hold_add(struct store_hold *hold, const struct slab_scope *scope, uint32_t slab,
                            const float *foreign_positions) MUST_CHECK;
 /* Takes the slabs' arrays from the draft, of which only draft_clear makes sense then. */
-enum status store_hold_take(struct store_hold *hold, struct draft *draft) MUST_CHECK;
+enum status store_hold_take(struct store_hold *hold, const struct frame *frame,
+                            struct draft *draft) MUST_CHECK;
 
 /* ---- for store_read ---- */
 

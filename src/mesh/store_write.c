@@ -276,6 +276,6 @@ enum status store_write(struct draft *draft, const struct frame *frame,
         status = write_rest(&w, info);
     release(&w);
     if (is_whole && status == STATUS_OK && hold)
-        status = store_hold_take(hold, draft);
+        status = store_hold_take(hold, frame, draft);
     return status;
 }

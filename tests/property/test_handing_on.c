@@ -44,6 +44,14 @@ static void write_numbered(const struct shape *shape, const char *path)
     assert_int_equal(fclose(file), 0);
 }
 
+/* Positions that no floats are. */
+static struct shape doubles(void)
+{
+    struct shape shape = shape_noisy_slab(20, 0.3, 2);
+    shape_move(&shape, 1.1, 1000.123456789, -20, 1e-3);
+    return shape;
+}
+
 static struct shape shape_number(unsigned number)
 {
     switch (number) {
@@ -52,13 +60,13 @@ static struct shape shape_number(unsigned number)
     case 1:
         return shape_grid_with_holes(32, 32);
     case 2:
-        return shape_noisy_slab(20, 0.3, 2);
+        return doubles();
     default:
         return shape_single_triangle();
     }
 }
 
-enum { SHAPES = 4 };
+enum { SHAPES = 4, DOUBLES = 2 };
 
 struct places {
     char folder[TEST_PATH], input[TEST_PATH], store[TEST_PATH], short_store[TEST_PATH];
@@ -314,6 +322,7 @@ static void test_slabs(void **unused)
         compare_levels(&ctx, &places, places.whole, NULL, &first, MODE_COLLAPSE);
         struct chain_info info = {0};
         must(read_info(&ctx, places.whole, &info));
+        assert_true(info.is_float32 == (i / 2 != DOUBLES));
         context_clear(&ctx);
         assert_int_equal(hand_on_slabs(&places, 1, UINT64_MAX, &first), info.slab_count);
         assert_int_equal(hand_on_slabs(&places, 2, UINT64_MAX, &first), info.slab_count);
@@ -351,6 +360,7 @@ static void test_runs(void **unused)
     make_places(&places);
     snprintf(keep, sizeof keep, "%s/keep", places.folder);
     struct shape shape = shape_noisy_torus(800, 400, 0.001, 5);
+    shape_move(&shape, 1.1, 1000.123456789, -20, 1e-3);
     shape_write(&shape, SHAPE_PLY_LITTLE, places.input);
     shape_free(&shape);
     for (unsigned i = 0; i < 3; i++) {
