@@ -7,7 +7,7 @@
 
 #include <stdint.h>
 
-enum { SPACE_CURVE_BITS_MAX = 21 };
+enum { SPACE_CURVE_BITS_MAX = 21, SPACE_CURVE_SIDE_BY_SIDE = 4 };
 
 /* What the curve does in each of its 24 orientations: for each octant its place on the curve and
  * the orientation inside it (orientation << 3 | place), and the same for each octant of an octant
@@ -30,26 +30,46 @@ static inline uint64_t space_curve_spread(uint64_t bits)
     return (bits | bits << 2) & 0x1249249249249249u;
 }
 
-/* Number of the cell (x, y, z), each below 2^bits; bits at most SPACE_CURVE_BITS_MAX. */
+/* The octants of cell (x, y, z) in a row, 3 bits each, the coarsest first. */
+static inline uint64_t space_curve_octants(uint32_t x, uint32_t y, uint32_t z)
+{
+    return space_curve_spread(x) | space_curve_spread(y) << 1 | space_curve_spread(z) << 2;
+}
+
+/* Numbers of `count` cells, each given by its octants, of coordinates below 2^bits; bits at most
+ * SPACE_CURVE_BITS_MAX. Each step waits for the one before, so that two are taken as one, and some
+ * cells side by side; with a constant count all stays in registers. */
+static inline void space_curve_numbers(const struct space_curve *curve, const uint64_t *octants,
+                                       unsigned count, unsigned bits, uint64_t *numbers)
+{
+    unsigned orientation[SPACE_CURVE_SIDE_BY_SIDE] = {0};
+    for (unsigned i = 0; i < count; i++)
+        numbers[i] = 0;
+    if (bits & 1) {
+        bits--;
+        for (unsigned i = 0; i < count; i++) {
+            const unsigned step = curve->step[0][octants[i] >> 3 * bits & 7];
+            numbers[i] = step & 7;
+            orientation[i] = step >> 3;
+        }
+    }
+    for (; bits >= 2; bits -= 2) {
+        for (unsigned i = 0; i < count; i++) {
+            const unsigned step =
+                curve->two_steps[orientation[i]][octants[i] >> 3 * (bits - 2) & 63];
+            numbers[i] = numbers[i] << 6 | (step & 63);
+            orientation[i] = step >> 6;
+        }
+    }
+}
+
+/* Number of the cell (x, y, z). */
 static inline uint64_t space_curve_key(const struct space_curve *curve, uint32_t x, uint32_t y,
                                        uint32_t z, unsigned bits)
 {
-    /* Octants in a row, the coarsest first; each step waits for the one before, so that two are
-     * taken as one. */
-    const uint64_t octants =
-        space_curve_spread(x) | space_curve_spread(y) << 1 | space_curve_spread(z) << 2;
-    uint64_t key = 0;
-    unsigned orientation = 0;
-    if (bits & 1) {
-        const unsigned step = curve->step[0][octants >> 3 * --bits & 7];
-        key = step & 7;
-        orientation = step >> 3;
-    }
-    for (; bits >= 2; bits -= 2) {
-        const unsigned step = curve->two_steps[orientation][octants >> 3 * (bits - 2) & 63];
-        key = key << 6 | (step & 63);
-        orientation = step >> 6;
-    }
+    const uint64_t octants = space_curve_octants(x, y, z);
+    uint64_t key;
+    space_curve_numbers(curve, &octants, 1, bits, &key);
     return key;
 }
 

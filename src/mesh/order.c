@@ -91,6 +91,12 @@ static uint64_t slab_end(const struct draft *draft, uint64_t slab)
     return end < draft->face_count ? end : draft->face_count;
 }
 
+static inline uint64_t cell_sum(const struct ordering *o, uint64_t f)
+{
+    const uint32_t *face = o->draft->faces + 3 * f;
+    return o->cells[face[0]] + o->cells[face[1]] + o->cells[face[2]];
+}
+
 /* All faces of a slab. */
 static enum status make_keys(void *user, uint64_t job, unsigned worker)
 {
@@ -100,11 +106,15 @@ static enum status make_keys(void *user, uint64_t job, unsigned worker)
     uint64_t first = job << draft->slab_shift, end = slab_end(draft, job);
     uint64_t *keys = o->keys[job % o->in_flight];
     spool_expect(&draft->face_spool, first * 12, (end - first) * 12);
-    for (uint64_t f = first; f < end; f++) {
-        const uint32_t *face = draft->faces + 3 * f;
-        keys[f - first] =
-            face_key(&o->curve, f, o->cells[face[0]] + o->cells[face[1]] + o->cells[face[2]]);
+    uint64_t f = first;
+    for (; f + SPACE_CURVE_SIDE_BY_SIDE <= end; f += SPACE_CURVE_SIDE_BY_SIDE) {
+        uint64_t sums[SPACE_CURVE_SIDE_BY_SIDE];
+        for (unsigned i = 0; i < SPACE_CURVE_SIDE_BY_SIDE; i++)
+            sums[i] = cell_sum(o, f + i);
+        face_keys(&o->curve, f, sums, SPACE_CURVE_SIDE_BY_SIDE, keys + (f - first));
     }
+    for (; f < end; f++)
+        keys[f - first] = face_key(&o->curve, f, cell_sum(o, f));
     return STATUS_OK;
 }
 

@@ -41,15 +41,34 @@ static inline uint64_t curve_place(const struct face_curve *curve, uint64_t cell
                            (uint32_t)((cell >> 2 * FIELD_BITS) >> drop), bits);
 }
 
-/* The key of face f, whose corners' cells sum up to `sum`. */
-static inline uint64_t face_key(const struct face_curve *curve, uint64_t f, uint64_t sum)
+/* The octants of the cell of a face whose corners' cells sum up to `sum`. */
+static inline uint64_t face_octants(const struct face_curve *curve, uint64_t sum)
 {
     const uint64_t field = ((uint64_t)1 << FIELD_BITS) - 1;
     const unsigned drop = GRID_BITS - curve->cell_bits;
     uint32_t x = (uint32_t)(sum & field) / 3 >> drop;
     uint32_t y = (uint32_t)(sum >> FIELD_BITS & field) / 3 >> drop;
     uint32_t z = (uint32_t)(sum >> 2 * FIELD_BITS) / 3 >> drop;
-    return space_curve_key(&curve->curve, x, y, z, curve->cell_bits) << curve->index_bits | f;
+    return space_curve_octants(x, y, z);
+}
+
+/* The keys of the faces f to f + count - 1, with these sums. */
+static inline void face_keys(const struct face_curve *curve, uint64_t f, const uint64_t *sums,
+                             unsigned count, uint64_t *keys)
+{
+    uint64_t octants[SPACE_CURVE_SIDE_BY_SIDE];
+    for (unsigned i = 0; i < count; i++)
+        octants[i] = face_octants(curve, sums[i]);
+    space_curve_numbers(&curve->curve, octants, count, curve->cell_bits, keys);
+    for (unsigned i = 0; i < count; i++)
+        keys[i] = keys[i] << curve->index_bits | (f + i);
+}
+
+static inline uint64_t face_key(const struct face_curve *curve, uint64_t f, uint64_t sum)
+{
+    uint64_t key;
+    face_keys(curve, f, &sum, 1, &key);
+    return key;
 }
 
 #endif
