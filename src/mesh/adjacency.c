@@ -61,50 +61,60 @@ static struct edge_record make_record(uint32_t a, uint32_t b, uint32_t face, uns
     return (struct edge_record){key, face, edge};
 }
 
-/* Sorts out what the slab alone can't settle: edges for the join, edges to be opened, twins. Where
- * it is plain, there are only edges for the join. */
-static enum status collect(const struct build *build, const struct slab_scope *scope, bool is_plain,
-                           struct found *found)
+/* Sorts out what the slab alone can't settle of a face: edges for the join, edges to be opened,
+ * twins. */
+static enum status collect_face(const struct draft *draft, uint32_t f, struct found *found)
 {
-    const struct draft *draft = build->draft;
-    const uint32_t first = scope->face_first, end = first + scope->face_count;
+    const uint32_t *face = draft->faces + 3 * (size_t)f;
+    uint32_t *over = draft->neighbours + 3 * (size_t)f;
     enum status status = STATUS_OK;
-    for (uint32_t f = first; f < end && found->crossing <= build->crossing_limit; f++) {
-        const uint32_t *face = draft->faces + 3 * (size_t)f;
-        uint32_t *over = draft->neighbours + 3 * (size_t)f;
-        unsigned shared = 0;
-        for (unsigned k = 0; k < 3; k++)
-            shared |= (unsigned)is_shared(draft, face[k]) << k;
-        const bool is_usual = (shared & (shared - 1)) == 0;
-        if (is_usual && is_plain)
+    unsigned shared = 0;
+    for (unsigned k = 0; k < 3; k++)
+        shared |= (unsigned)is_shared(draft, face[k]) << k;
+    if (over[0] == over[1] && over[1] == over[2] && over[0] < f) {
+        status = memory_reserve(draft->ctx, &found->twins, &found->twin_capacity,
+                                found->twin_count + 1, sizeof *found->twins);
+        if (status != STATUS_OK)
+            return status;
+        found->twins[found->twin_count++] = f;
+    }
+    const bool is_usual = (shared & (shared - 1)) == 0;
+    for (unsigned k = 0; k < 3; k++) {
+        if (is_usual && over[k] != CROWDED)
             continue;
-        if (over[0] == over[1] && over[1] == over[2] && over[0] < f) {
-            status = memory_reserve(draft->ctx, &found->twins, &found->twin_capacity,
-                                    found->twin_count + 1, sizeof *found->twins);
-            if (status != STATUS_OK)
-                return status;
-            found->twins[found->twin_count++] = f;
+        struct edge_record record = make_record(face[k], face[next3(k)], f, k);
+        if (shared >> k & shared >> next3(k) & 1) {
+            if (over[k] == NO_INDEX)
+                found->crossing++;
+            status = append_edge(draft->ctx, &found->joint, &found->joint_count,
+                                 &found->joint_capacity, record);
+        } else if (over[k] == CROWDED) {
+            status = append_edge(draft->ctx, &found->cut, &found->cut_count, &found->cut_capacity,
+                                 record);
         }
-        for (unsigned k = 0; k < 3; k++) {
-            if (is_usual && over[k] != CROWDED)
-                continue;
-            struct edge_record record = make_record(face[k], face[next3(k)], f, k);
-            if (shared >> k & shared >> next3(k) & 1) {
-                if (over[k] == NO_INDEX)
-                    found->crossing++;
-                status = append_edge(draft->ctx, &found->joint, &found->joint_count,
-                                     &found->joint_capacity, record);
-            } else if (over[k] == CROWDED) {
-                status = append_edge(draft->ctx, &found->cut, &found->cut_count,
-                                     &found->cut_capacity, record);
-            }
-            if (status != STATUS_OK)
-                return status;
-            if (over[k] == CROWDED)
-                over[k] = NO_INDEX; /* its mate is 0 */
-        }
+        if (status != STATUS_OK)
+            return status;
+        if (over[k] == CROWDED)
+            over[k] = NO_INDEX; /* its mate is 0 */
     }
     return STATUS_OK;
+}
+
+/* The same of all faces. Where the slab is plain, only its rim has anything. */
+static enum status collect(const struct build *build, const struct slab_matcher *m, bool is_plain,
+                           struct found *found)
+{
+    const uint32_t first = m->scope.face_first, count = m->scope.face_count;
+    enum status status = STATUS_OK;
+    for (uint32_t begin = 0; begin < count && status == STATUS_OK; begin += 64) {
+        const uint64_t all = count - begin < 64 ? ((uint64_t)1 << (count - begin)) - 1 : UINT64_MAX;
+        for (uint64_t left = is_plain ? m->rim[begin / 64] : all;
+             left && status == STATUS_OK && found->crossing <= build->crossing_limit;
+             left &= left - 1)
+            status =
+                collect_face(build->draft, first + begin + (uint32_t)__builtin_ctzll(left), found);
+    }
+    return status;
 }
 
 static enum status match_slab(void *user, uint64_t job, unsigned worker)
@@ -120,7 +130,7 @@ static enum status match_slab(void *user, uint64_t job, unsigned worker)
     if (status != STATUS_OK)
         return status;
     draft->is_plain[job] = is_plain;
-    return collect(build, &m->scope, is_plain, found);
+    return collect(build, m, is_plain, found);
 }
 
 static enum status add_twin(struct build *build, uint32_t face)

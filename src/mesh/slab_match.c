@@ -254,21 +254,30 @@ static enum status match_many(const struct slab_edges *s, struct slab_matcher *m
 
 /* ---- the whole ---- */
 
+static void note_rim(struct slab_matcher *m, const uint32_t *corners, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++)
+        m->rim[corner_face(corners[i]) / 64] |= (uint64_t)1 << corner_face(corners[i]) % 64;
+}
+
 static enum status match_all(const struct draft *draft, const struct slab_edges *s,
                              struct slab_matcher *m, bool *is_plain)
 {
     const uint32_t locals = scope_local_count(&m->scope), own = m->scope.own_count;
     enum status status = STATUS_OK;
     memset(s->mates, 0, m->scope.face_count);
+    memset(m->rim, 0, slab_rim_words(&m->scope) * sizeof *m->rim);
     for (uint32_t v = 0, begin = 0; v < locals && status == STATUS_OK; v++) {
         const uint32_t *corners = m->corners + begin;
         const uint32_t count = m->end[v] - begin;
+        const bool is_rim = v >= own || is_shared(draft, m->scope.vertex_first + v);
         begin = m->end[v];
+        if (is_rim)
+            note_rim(m, corners, count);
         if (count - 3 <= FEW - 3 && match_few(s, m, corners, count))
             continue;
         if (count <= SOME) {
-            match_some(s, corners, count, v >= own || is_shared(draft, m->scope.vertex_first + v),
-                       is_plain);
+            match_some(s, corners, count, is_rim, is_plain);
         } else {
             *is_plain = false;
             status = match_many(s, m, corners, count);
@@ -287,6 +296,9 @@ enum status slab_match(struct draft *draft, uint32_t slab, struct slab_matcher *
     if (status == STATUS_OK)
         status = memory_reserve(ctx, &m->corners, &m->corner_capacity,
                                 3 * (size_t)m->scope.face_count + FEW, sizeof *m->corners);
+    if (status == STATUS_OK)
+        status = memory_reserve(ctx, &m->rim, &m->rim_capacity, slab_rim_words(&m->scope),
+                                sizeof *m->rim);
     if (status != STATUS_OK)
         return status;
     const uint32_t first = m->scope.face_first;
@@ -305,6 +317,7 @@ void slab_matcher_clear(struct slab_matcher *m)
         return;
     memory_release(ctx, &m->end, m->end_capacity, sizeof *m->end);
     memory_release(ctx, &m->corners, m->corner_capacity, sizeof *m->corners);
+    memory_release(ctx, &m->rim, m->rim_capacity, sizeof *m->rim);
     memory_release(ctx, &m->sides, m->side_capacity, sizeof *m->sides);
     memory_release(ctx, &m->scratch, m->scratch_capacity, sizeof *m->scratch);
     scope_clear(&m->scope);

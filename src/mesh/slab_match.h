@@ -16,6 +16,8 @@ struct slab_matcher { /* one a worker; all zero before its first use */
     size_t end_capacity;
     uint32_t *corners; /* by vertex */
     size_t corner_capacity;
+    uint64_t *rim; /* a bit a face of the slab: it has a vertex that other slabs use, too */
+    size_t rim_capacity;
     uint64_t *sides; /* of a vertex with many faces */
     size_t side_capacity;
     uint64_t *scratch;
@@ -25,11 +27,17 @@ struct slab_matcher { /* one a worker; all zero before its first use */
     uint32_t previous[SLAB_MATCH_FEW];         /* where it begins, by face */
 };
 
+static inline size_t slab_rim_words(const struct slab_scope *scope)
+{
+    return (size_t)scope->face_count / 64 + 1;
+}
+
 /*
  * Enters the slab and fills its neighbours and mates with what lies in it: NO_INDEX (mate 0) where
  * no other face does, CROWDED on all sides of edges of more than two. *is_plain: faces run along
  * edges in opposite directions, no two have the same vertices, and the faces at each vertex that no
- * other slab uses are one fan; where it is false, that may be so all the same.
+ * other slab uses are one fan; where it is false, that may be so all the same. The matcher has the
+ * slab's scope and rim.
  */
 enum status slab_match(struct draft *draft, uint32_t slab, struct slab_matcher *matcher,
                        bool *is_plain) MUST_CHECK;
