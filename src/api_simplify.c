@@ -107,6 +107,17 @@ static uint64_t spare_memory(const struct run *run)
     return memory > needed ? (memory - needed) / 4 : 0;
 }
 
+/* Slabs of the store that is made now stay in memory for patchify, if nobody else gets it. */
+static void hold_slabs(struct run *run, struct import_options *import)
+{
+    if (run->work.store_fd < 0)
+        return;
+    const unsigned threads = fitting_threads(run->job, STAGE_PATCHIFY, &run->size);
+    run->slabs.most_bytes = spare_memory(run);
+    run->slabs.beside = chain_build_memory_beside(threads);
+    import->hold = &run->slabs;
+}
+
 static enum status build_store(struct run *run)
 {
     struct store_info info;
@@ -114,12 +125,8 @@ static enum status build_store(struct run *run)
     bool keeps = options->keep_dir != NULL && !options->topology;
     struct import_options import = {.weld = options->import.weld != 0,
                                     .sync = is_resumable(run) || (keeps && options->import.sync)};
-    if (run->work.store_fd >= 0 && !options->topology) {
-        const unsigned threads = fitting_threads(run->job, STAGE_PATCHIFY, &run->size);
-        run->slabs.most_bytes = spare_memory(run);
-        run->slabs.beside = chain_build_memory_beside(threads);
-        import.hold = &run->slabs;
-    }
+    if (!options->topology)
+        hold_slabs(run, &import);
     enum status status = stage_begin(run->job, STAGE_IMPORT, &run->size);
     if (status == STATUS_OK)
         status = store_build(run->ctx, run->inputs, run->input_count, imported_path(run), &import,
@@ -167,6 +174,7 @@ static enum status topology_stage(struct run *run)
     struct topology_options wanted = make_topology(options->topology);
     struct import_options rebuild = {.sync = is_resumable(run) ||
                                              (options->keep_dir && options->import.sync)};
+    hold_slabs(run, &rebuild);
     budget_begin(run->ctx, job_memory(run->job), run->job->settings.threads);
     enum status status = topology_rebuild(run->ctx, work->raw, work->scratch, work->store, &rebuild,
                                           &wanted, &removal, NULL);

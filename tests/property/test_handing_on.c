@@ -9,6 +9,7 @@
 #include "base/memory.h"
 #include "mesh/store_hold.h"
 #include "simplify/simplify.h"
+#include "simplify/topology.h"
 #include "spbm.h"
 #include "test_chains.h"
 #include "test_files.h"
@@ -349,6 +350,44 @@ static void test_blocks(void **unused)
     folder_remove(places.folder);
 }
 
+/* The store that topology makes of another, holes filled; `hold` may be NULL. */
+static void rebuild(struct context *outer, const struct places *places, const char *store,
+                    struct store_hold *hold)
+{
+    const struct import_options options = {.slab_shift = 9, .hold = hold};
+    struct topology_options wanted;
+    struct topology_report report = {0};
+    topology_defaults(&wanted);
+    wanted.close_cracks.value = 1.6;
+    must_do(outer,
+            topology_rebuild(outer, places->whole, places->chains, store, &options, &wanted,
+                             &report, NULL),
+            __LINE__);
+    topology_report_clear(outer, &report);
+}
+
+static void test_topology(void **unused)
+{
+    (void)unused;
+    struct context ctx;
+    struct places places;
+    struct store_hold slabs = {.most_bytes = UINT64_MAX};
+    make_places(&places);
+    struct shape shape = shape_grid_with_holes(32, 32);
+    shape_write(&shape, SHAPE_PLY_LITTLE, places.input);
+    shape_free(&shape);
+    context_init(&ctx);
+    import(&ctx, &places, places.whole, NULL);
+    rebuild(&ctx, &places, places.store, NULL);
+    rebuild(&ctx, &places, places.short_store, &slabs);
+    assert_true(slabs.slab_count > 1);
+    slabs_must_be_alike(&ctx, &places, &slabs);
+    store_hold_clear(&slabs);
+    assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+    folder_remove(places.folder);
+}
+
 /* The whole run, with slabs of the program's own size: files are kept, the budget leaves nothing
  * for holding, and no budget. */
 static void test_runs(void **unused)
@@ -395,6 +434,7 @@ static void test_runs(void **unused)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_slabs), cmocka_unit_test(test_blocks),
+                                       cmocka_unit_test(test_topology),
                                        cmocka_unit_test(test_runs)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
