@@ -2,7 +2,8 @@
  * STAGE 2: patches and chains of a store. Slabs are jobs: each is mapped, grown, traced and packed
  * by one worker, and its block is written in the order of the slabs, so that neither threads nor
  * memory show in the file. What is held is in proportion to the slabs in flight; the seams go
- * through seam_join, which sorts outside of memory.
+ * through seam_join, which sorts outside of memory. In a run of all stages slabs may come from memory
+ * (store_hold.h) and blocks stay there (chain_hold.h).
  */
 #include <math.h>
 #include <string.h>
