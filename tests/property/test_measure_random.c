@@ -259,6 +259,19 @@ static void check_touching(const struct mesh *mesh, const struct bvh *tree, uint
     free(seen);
 }
 
+/* Near and not near, with and without the machine's vectors. */
+static void check_near(struct bvh *tree, struct vec3 p, double square)
+{
+    const enum cpu_level level = tree->level;
+    for (int round = 0; round < 2; round++) {
+        assert_true(bvh_is_near(tree, p, square));
+        assert_true(bvh_is_near(tree, p, 4 * square));
+        assert_false(bvh_is_near(tree, p, square * 0.999999));
+        tree->level = CPU_SCALAR;
+    }
+    tree->level = level;
+}
+
 static void tree_finds_the_nearest(void **unused)
 {
     (void)unused;
@@ -266,7 +279,7 @@ static void tree_finds_the_nearest(void **unused)
     for (int round = 0; round < 60; round++) {
         struct context ctx;
         struct mesh mesh;
-        struct bvh tree;
+        struct bvh tree, copy;
         context_init(&ctx);
         struct shape shape = random_shape(&state);
         double far = round % 4 == 0 ? 1e6 : 0;
@@ -275,6 +288,7 @@ static void tree_finds_the_nearest(void **unused)
         assert_int_equal(
             bvh_build(&ctx, mesh.positions, mesh.faces, (uint32_t)mesh.face_count, true, &tree),
             STATUS_OK);
+        assert_int_equal(bvh_copy(&ctx, &tree, mesh.positions, mesh.faces, &copy), STATUS_OK);
         for (int i = 0; i < 100; i++) {
             double reach = i % 10 == 0 ? 1e30 : i % 3 ? 2 : 0.1;
             struct vec3 p = vec3_load(mesh.positions + 3 * random_below(&state, mesh.vertex_count));
@@ -294,8 +308,10 @@ static void tree_finds_the_nearest(void **unused)
             again = (struct nearest){nearest.distance_squared * 0.999999, UINT32_MAX, {0, 0, 0}};
             bvh_nearest(&tree, p, &again);
             assert_int_equal(again.triangle, UINT32_MAX);
+            check_near(&copy, p, nearest.distance_squared);
         }
         check_touching(&mesh, &tree, &state);
+        bvh_clear(&ctx, &copy);
         bvh_clear(&ctx, &tree);
         mesh_clear(&ctx, &mesh);
         assert_int_equal(ctx.memory_now, 0);
