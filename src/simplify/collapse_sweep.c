@@ -459,7 +459,7 @@ static void sweep_territory(struct collapse *c, struct territory *t, float thres
 
 /* Runs are long, as what reaches out of them is left over, but there are some for every thread of a
  * small machine. (Of the root's sweeps a tenth is left at the end with runs of 3000, a sixth with
- * runs of 750. Means and largest distances of 19 meshes at 2,600 to 12,000 faces, all efforts: the
+ * runs of 750. Means and largest distances of 18 meshes at 2,600 to 12,000 faces, all efforts: the
  * same with runs of 512 as with one thread's order.) */
 enum {
     TERRITORIES_MIN = 4,
