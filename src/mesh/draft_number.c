@@ -7,11 +7,8 @@
  * array from old to new numbers. That array is all that is needed where it fits, and a window of it
  * where faces come in an order local in space and vertices too.
  *
- * Where neither holds, the sweep would page at random, and is done in five sequential ones, over
- * buckets that each hold a range of the old numbers: (1) each corner's id goes to its bucket;
- * (2) each bucket by itself ranks its ids by first use; (3) the corners take their ranks, and a
- * rank that is new to its bucket is the first use of its vertex, which now gets its number; (4)
- * each bucket turns ranks into numbers; (5) the corners take them.
+ * Where neither holds, the sweep would page at random, and five sequential ones over buckets do
+ * the same (number_buckets.c).
  *
  * Numbers in an order that won't be kept are not worth that. Where faces themselves come in random
  * order, which the first slab lets suspect, one sweep with a bit a vertex counts what tells of it
@@ -24,93 +21,14 @@
 
 #include <string.h>
 
-#include "base/bucket_file.h"
 #include "base/memory.h"
-#include "mesh/lookup.h"
+#include "mesh/number_internal.h"
 
-enum { ID_BATCH = 4096, RUN = 256, SWEEPS = 3 };
-
-struct numbering {
-    struct draft *draft;
-    struct spool number_spool;
-    uint32_t *number_of; /* id -> new number + 1, 0: not used yet */
-    uint64_t id_count;
-    struct spool id_spool; /* new number -> id */
-    uint32_t ids[ID_BATCH];
-    size_t id_used;
-    bool is_identity;
-    uint32_t next;
-    uint32_t slab_first; /* the slab's first own vertex */
-    uint64_t foreign_corners;
-    uint64_t kept, read;  /* faces */
-    struct visits visits; /* of number_of */
-    uint64_t most_visits;
-    bool expects_order; /* faces are as the input has them, and may get another order */
-    bool is_futile;     /* likely so, and it can be made of ids as well */
-
-    /* by buckets */
-    unsigned part_shift;
-    size_t parts;
-    struct bucket_file within; /* a corner: id within its part */
-    struct bucket_file ranks;  /* a corner: rank of its id within the part */
-    struct bucket_file owners; /* a rank: id within the part */
-    struct bucket_file starts; /* a rank: number */
-    struct bucket_file results;
-    uint32_t *known; /* a part: ranks that have a number */
-};
-
-static enum status note_id(struct numbering *n, uint32_t id)
-{
-    n->is_identity = n->is_identity && id == n->next;
-    n->ids[n->id_used++] = id;
-    n->next++;
-    if (n->id_used < ID_BATCH)
-        return STATUS_OK;
-    n->id_used = 0;
-    return spool_append(&n->id_spool, n->ids, sizeof n->ids);
-}
-
-/* A corner with a number: is its vertex one of an earlier slab? */
-static inline void note_use(struct numbering *n, uint32_t number)
-{
-    if (number < n->slab_first) {
-        n->draft->shared[number >> 3] |= (unsigned char)(1u << (number & 7));
-        n->foreign_corners++;
-    }
-}
-
-/* A slab compact in space has half as many vertices as faces. If the first has more than it has
- * faces, the order is likely to be scattered. */
-static void judge_first_slab(struct numbering *n)
-{
-    const struct draft *draft = n->draft;
-    n->is_futile = n->next > (uint64_t)1 << draft->slab_shift &&
-                   draft->slab_shift >= JUDGED_SHIFT_MIN && !draft_orders_near(draft, n->id_count);
-}
+enum { RUN = 256, SWEEPS = 3 };
 
 static inline bool has_jumped(const struct numbering *n)
 {
     return n->is_futile || n->visits.total > n->most_visits;
-}
-
-static void note_slab(struct numbering *n, uint64_t kept)
-{
-    if (kept >> n->draft->slab_shift == 1 && n->expects_order)
-        judge_first_slab(n);
-    n->slab_first = n->next;
-    n->draft->vertex_first[kept >> n->draft->slab_shift] = n->next;
-}
-
-/* Face `kept` begins a slab. */
-static enum status begin_slab(struct numbering *n, uint64_t kept, uint64_t read)
-{
-    struct draft *draft = n->draft;
-    const uint64_t slab = (uint64_t)1 << draft->slab_shift;
-    uint64_t from = kept > slab ? kept - slab : 0;
-    spool_forget(&draft->face_spool, from * 12, (read - from) * 12);
-    spool_expect(&draft->face_spool, read * 12, slab * 12 + SWEEP_AHEAD);
-    note_slab(n, kept);
-    return step(draft->ctx, "import: number", read, draft->face_count);
 }
 
 /* ---- at once ---- */
@@ -131,12 +49,12 @@ static inline enum status number_vertex(struct numbering *n, uint32_t id, uint32
     uint32_t known = n->number_of[id];
     if (known) {
         *number = known - 1;
-        note_use(n, known - 1);
+        number_note_use(n, known - 1);
         return STATUS_OK;
     }
     *number = n->next;
     n->number_of[id] = n->next + 1;
-    return note_id(n, id);
+    return number_note_id(n, id);
 }
 
 /* Renumbers the faces in place and cuts the slabs; faces that repeat a vertex close up. Stops, and
@@ -153,7 +71,7 @@ static enum status number_at_once(struct numbering *n, bool *is_done)
         if (a == b || b == c || a == c)
             continue;
         if ((kept & slab_mask) == 0)
-            status = begin_slab(n, kept, f);
+            status = number_begin_slab(n, kept, f);
         uint32_t *face = faces + 3 * kept;
         if (status == STATUS_OK)
             status = number_vertex(n, a, face);
@@ -258,219 +176,6 @@ static enum status look_at_ids(struct numbering *n, bool *is_scattered)
     for (size_t i = 0; i < draft->shared_size; i++)
         draft->vertex_count += (uint64_t)__builtin_popcount(draft->shared[i]);
     return STATUS_OK;
-}
-
-/* ---- by buckets ---- */
-
-static inline size_t part_of(const struct numbering *n, uint32_t id)
-{
-    return id >> n->part_shift;
-}
-
-/* (1), for one corner. */
-static enum status ask(struct numbering *n, uint32_t *corner)
-{
-    uint32_t within = *corner & (uint32_t)(((uint64_t)1 << n->part_shift) - 1);
-    return bucket_put(&n->within, part_of(n, *corner), &within);
-}
-
-/* Closes up the faces and asks for the corners of those that stay. */
-static enum status ask_all(struct numbering *n)
-{
-    struct draft *draft = n->draft;
-    uint32_t *faces = draft->faces;
-    uint64_t kept = 0;
-    enum status status = STATUS_OK;
-    for (uint64_t f = 0; f < draft->face_count && status == STATUS_OK; f++) {
-        if (f == n->kept)
-            f = n->read; /* what has been read and is closed up already */
-        if (f == draft->face_count)
-            break;
-        uint32_t face[3] = {faces[3 * f], faces[3 * f + 1], faces[3 * f + 2]};
-        if (face[0] == face[1] || face[1] == face[2] || face[0] == face[2])
-            continue;
-        for (int k = 0; k < 3 && status == STATUS_OK; k++)
-            status = ask(n, &face[k]);
-        if (kept != f)
-            memcpy(faces + 3 * kept, face, sizeof face);
-        kept++;
-        if (f % FORGET_EVERY == 0)
-            spool_pass(&draft->face_spool, f * 12);
-    }
-    n->read = draft->face_count;
-    n->kept = kept;
-    spool_forget_all(&draft->face_spool);
-    return status;
-}
-
-/* (2), for one part. */
-static enum status rank_part(struct numbering *n, size_t part, uint32_t *rank_of)
-{
-    uint32_t ranks = 0;
-    enum status status = STATUS_OK;
-    memset(rank_of, 0, sizeof *rank_of << n->part_shift);
-    for (uint64_t i = bucket_records(&n->within, part); i > 0 && status == STATUS_OK; i--) {
-        uint32_t within, rank;
-        status = bucket_take(&n->within, part, &within);
-        if (status != STATUS_OK)
-            break;
-        rank = rank_of[within];
-        if (rank == 0) {
-            rank = rank_of[within] = ++ranks;
-            status = bucket_put(&n->owners, part, &within);
-        }
-        rank--;
-        if (status == STATUS_OK)
-            status = bucket_put(&n->ranks, part, &rank);
-    }
-    return status;
-}
-
-/* (3), for one corner. */
-static enum status number_rank(struct numbering *n, uint32_t *corner)
-{
-    const size_t part = part_of(n, *corner);
-    uint32_t rank, within;
-    enum status status = bucket_take(&n->ranks, part, &rank);
-    if (status != STATUS_OK || rank < n->known[part])
-        return status;
-    n->known[part]++;
-    status = bucket_put(&n->starts, part, &n->next);
-    if (status == STATUS_OK)
-        status = bucket_take(&n->owners, part, &within);
-    return status == STATUS_OK ? note_id(n, (uint32_t)(part << n->part_shift) + within) : status;
-}
-
-/* (4), for one part. */
-static enum status number_part(struct numbering *n, size_t part, uint32_t *number_of)
-{
-    enum status status = STATUS_OK;
-    const uint64_t ranks = bucket_records(&n->starts, part);
-    for (uint64_t i = 0; i < ranks && status == STATUS_OK; i++)
-        status = bucket_take(&n->starts, part, &number_of[i]);
-    for (uint64_t i = bucket_records(&n->ranks, part); i > 0 && status == STATUS_OK; i--) {
-        uint32_t rank;
-        status = bucket_take(&n->ranks, part, &rank);
-        if (status == STATUS_OK)
-            status = bucket_put(&n->results, part, &number_of[rank]);
-    }
-    return status;
-}
-
-/* (5), for one corner. */
-static enum status place_number(struct numbering *n, uint32_t *corner)
-{
-    uint32_t number;
-    enum status status = bucket_take(&n->results, part_of(n, *corner), &number);
-    if (status != STATUS_OK)
-        return status;
-    if (number == n->next)
-        n->next++;
-    else
-        note_use(n, number);
-    *corner = number;
-    return STATUS_OK;
-}
-
-static enum status for_all_corners(struct numbering *n, bool cuts_slabs,
-                                   enum status (*visit_corner)(struct numbering *n,
-                                                               uint32_t *corner))
-{
-    struct draft *draft = n->draft;
-    const uint64_t mask = ((uint64_t)1 << draft->slab_shift) - 1;
-    enum status status = STATUS_OK;
-    for (uint64_t f = 0; f < n->kept && status == STATUS_OK; f++) {
-        if ((f & mask) == 0 && cuts_slabs)
-            status = begin_slab(n, f, f);
-        else if (f % FORGET_EVERY == 0)
-            spool_pass(&draft->face_spool, f * 12);
-        for (int k = 0; k < 3 && status == STATUS_OK; k++)
-            status = visit_corner(n, &draft->faces[3 * f + (uint64_t)k]);
-    }
-    spool_forget_all(&draft->face_spool);
-    return status;
-}
-
-static enum status open_buckets(struct numbering *n, struct bucket_file *file)
-{
-    const struct room *room = &n->draft->room;
-    return bucket_file_open(room->ctx, file, n->parts, sizeof(uint32_t), room_left(room) / 8,
-                            room->beside);
-}
-
-static enum status for_all_parts(struct numbering *n, uint32_t *table,
-                                 enum status (*work)(struct numbering *n, size_t part,
-                                                     uint32_t *table))
-{
-    enum status status = STATUS_OK;
-    for (size_t part = 0; part < n->parts && status == STATUS_OK; part++) {
-        status = work(n, part, table);
-        if (status == STATUS_OK)
-            status = step(n->draft->ctx, "import: number", part, n->parts);
-    }
-    return status;
-}
-
-static enum status number_by_sweeps(struct numbering *n, uint32_t *table)
-{
-    enum status status = open_buckets(n, &n->within);
-    if (status == STATUS_OK)
-        status = ask_all(n);
-    if (status == STATUS_OK)
-        status = bucket_file_rewind(&n->within);
-    if (status == STATUS_OK)
-        status = open_buckets(n, &n->ranks);
-    if (status == STATUS_OK)
-        status = open_buckets(n, &n->owners);
-    if (status == STATUS_OK)
-        status = for_all_parts(n, table, rank_part);
-    bucket_file_close(&n->within);
-    if (status == STATUS_OK)
-        status = bucket_file_rewind(&n->ranks);
-    if (status == STATUS_OK)
-        status = bucket_file_rewind(&n->owners);
-    if (status == STATUS_OK)
-        status = open_buckets(n, &n->starts);
-    if (status == STATUS_OK)
-        status = for_all_corners(n, false, number_rank);
-    bucket_file_close(&n->owners);
-    if (status == STATUS_OK)
-        status = bucket_file_rewind(&n->ranks);
-    if (status == STATUS_OK)
-        status = bucket_file_rewind(&n->starts);
-    if (status == STATUS_OK)
-        status = open_buckets(n, &n->results);
-    if (status == STATUS_OK)
-        status = for_all_parts(n, table, number_part);
-    bucket_file_close(&n->ranks);
-    bucket_file_close(&n->starts);
-    if (status == STATUS_OK)
-        status = bucket_file_rewind(&n->results);
-    n->next = n->slab_first = 0;
-    if (status == STATUS_OK)
-        status = for_all_corners(n, true, place_number);
-    return status;
-}
-
-static enum status number_by_buckets(struct numbering *n)
-{
-    struct context *ctx = n->draft->ctx;
-    n->part_shift =
-        part_shift_for(n->id_count, sizeof(uint32_t), room_left(&n->draft->room) / 2, &n->parts);
-    uint32_t *table = NULL;
-    enum status status = memory_take(ctx, (size_t)1 << n->part_shift, sizeof *table, &table);
-    if (status == STATUS_OK)
-        status = memory_take_zeroed(ctx, n->parts, sizeof *n->known, &n->known);
-    if (status == STATUS_OK)
-        status = number_by_sweeps(n, table);
-    memory_release(ctx, &table, (size_t)1 << n->part_shift, sizeof *table);
-    memory_release(ctx, &n->known, n->parts, sizeof *n->known);
-    bucket_file_close(&n->within);
-    bucket_file_close(&n->ranks);
-    bucket_file_close(&n->owners);
-    bucket_file_close(&n->starts);
-    bucket_file_close(&n->results);
-    return status;
 }
 
 /* ---- the whole ---- */
@@ -630,7 +335,7 @@ enum status number_begin(struct draft *draft, uint64_t id_count, bool expects_or
     return status;
 }
 
-/* As begin_slab, where it is not known how many slabs there will be. */
+/* As number_begin_slab, where it is not known how many slabs there will be. */
 static enum status append_slab(struct numbering *n)
 {
     struct draft *draft = n->draft;
@@ -643,7 +348,7 @@ static enum status append_slab(struct numbering *n)
             return status;
         draft->slab_count = (uint32_t)count;
     }
-    note_slab(n, n->kept);
+    number_note_slab(n, n->kept);
     return STATUS_OK;
 }
 
@@ -668,7 +373,7 @@ static size_t number_run(struct numbering *n, const uint32_t *faces, size_t coun
             ids[used] = id;
             used += is_new;
             next += is_new;
-            note_use(n, number);
+            number_note_use(n, number);
         }
         kept++;
     }
@@ -691,7 +396,7 @@ static enum status number_runs(struct numbering *n, const uint32_t *faces, size_
         run = left < run ? (size_t)left : run;
         if (left == slab)
             status = append_slab(n);
-        if (status == STATUS_OK && n->id_used + 3 * RUN > ID_BATCH) {
+        if (status == STATUS_OK && n->id_used + 3 * RUN > NUMBER_ID_BATCH) {
             status = spool_append(&n->id_spool, n->ids, n->id_used * sizeof *n->ids);
             n->id_used = 0;
         }
