@@ -46,8 +46,10 @@ static void find_box(const float *values, size_t count, float low[3], float high
                 least[i] = choose(x < least[i], x, least[i]);
                 most[i] = choose(x > most[i], x, most[i]);
             }
-        memcpy(lows, least, sizeof lows);
-        memcpy(highs, most, sizeof highs);
+        for (unsigned i = 0; i < 3; i++) {
+            float4_store(lows + 4 * (size_t)i, least[i]);
+            float4_store(highs + 4 * (size_t)i, most[i]);
+        }
     }
     for (; at < count; at++) {
         lows[at % 3] = fminf(values[at], lows[at % 3]);

@@ -27,11 +27,11 @@ enum { JOIN_WIDTH = 8 };
 
 /* A block is left with so many times the faces that the finest level would give it, by effort:
  * enough for the root to choose where they are needed, and for the locked seams not to show. What
- * is done below the root is done roughly, so the means do not hang on it (20 levels of dragon,
- * cranium, brain and two generated scans: within 0.5 % from 2.5 to 10 times), but the largest
- * distances do: 2.5 for 4 makes them 15 % larger on the whole and lod a sixth cheaper, 4 for 5 by 5
- * % for a fifteenth. */
-static const double SLACK[4] = {10, 2.5, 4, 10};
+ * is done below the root is done roughly. The means do not hang on that from 3 times on (22 levels
+ * of dragon, cranium, brain and two generated scans: within 1 %, but with 2.5 the brain's at 30,600
+ * faces is a quarter larger), the largest distances do: at effort 2, 4 for 5 makes them 5 % larger
+ * on the whole and lod a fifteenth cheaper; at effort 1, 3 for 4 makes it 11 % and an eighth. */
+static const double SLACK[4] = {10, 3, 4, 10};
 /* A joined node that has not more than so many times what it is to be left with stays as it is, by
  * effort: taking it up would cost more than what the next node has to do less. The root's memory is
  * counted with ten times the finest level. */
