@@ -109,19 +109,6 @@ static void heap_remove(struct clipper *clipper, uint32_t corner)
 
 /* ---- tests ---- */
 
-static double distance_squared(struct grid_point a, struct grid_point b)
-{
-    double x = (double)(a.x - b.x), y = (double)(a.y - b.y);
-    return x * x + y * y;
-}
-
-/* 1 for a corner with an edge of no length. */
-static double cosine_at(struct grid_point a, struct grid_point b, struct grid_point c)
-{
-    double lengths = distance_squared(a, b) * distance_squared(c, b);
-    return lengths > 0 ? (double)grid_dot(b, a, c) / sqrt(lengths) : 1;
-}
-
 struct ear {
     const struct clipper *clipper;
     uint32_t a, b, c; /* b is its tip */
@@ -140,7 +127,7 @@ static bool is_on_other_sheet(const struct ear *ear, uint32_t corner)
     double height = (at_a * heights[ear->a] + at_b * heights[ear->b] + at_c * heights[ear->c]) /
                     (at_a + at_b + at_c);
     double off = heights[corner] - height;
-    double ab = distance_squared(a, b), bc = distance_squared(b, c), ca = distance_squared(c, a);
+    double ab = grid_square(a, b), bc = grid_square(b, c), ca = grid_square(c, a);
     double widest = ab > bc ? ab : bc;
     return off * off > (widest > ca ? widest : ca);
 }
@@ -202,9 +189,9 @@ static void judge(struct clipper *clipper, uint32_t corner, int64_t turn)
     struct ear ear = {clipper, clipper->previous[corner], corner, clipper->next[corner]};
     enum kind kind = kind_of(clipper, &ear, turn);
     const struct grid_point *points = clipper->points;
-    double openness = 1 - cosine_at(points[ear.a], points[ear.b], points[ear.c]);
-    openness = openness < 0 ? 0 : openness > 2 ? 2 : openness; /* rounding may pass the ends */
-    clipper->key[corner] = 4.0 * (int)kind + openness;
+    const struct grid_point a = points[ear.a], b = points[ear.b], c = points[ear.c];
+    const double lengths = grid_square(a, b) * grid_square(c, b);
+    clipper->key[corner] = 4.0 * (int)kind + ear_openness(a, b, c, lengths);
 }
 
 static void rejudge(struct clipper *clipper, uint32_t corner)

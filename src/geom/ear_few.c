@@ -9,8 +9,6 @@
  */
 #include "geom/ear_few.h"
 
-#include <math.h>
-
 struct few {
     const struct grid_point *points;
     double key[EAR_FEW_MAX]; /* of an ear 1 - cosine; of others NOT_AN_EAR; of cut ones infinite */
@@ -21,12 +19,6 @@ struct few {
 };
 
 static const double NOT_AN_EAR = 4;
-
-static double square_between(struct grid_point a, struct grid_point b)
-{
-    double x = (double)(a.x - b.x), y = (double)(a.y - b.y);
-    return x * x + y * y;
-}
 
 static inline int64_t turn_at(const struct few *few, uint32_t corner)
 {
@@ -56,9 +48,7 @@ static inline void judge(struct few *few, uint32_t corner, int64_t turn)
     const struct grid_point a = few->points[few->previous[corner]], b = few->points[corner],
                             c = few->points[few->next[corner]];
     const double lengths = few->squares[few->previous[corner]] * few->squares[corner];
-    const double cosine = lengths > 0 ? (double)grid_dot(b, a, c) / sqrt(lengths) : 1;
-    const double openness = 1 - cosine;
-    few->key[corner] = openness < 0 ? 0 : openness > 2 ? 2 : openness; /* rounding may pass these */
+    few->key[corner] = ear_openness(a, b, c, lengths);
 }
 
 /* A neighbour of the corner has been cut: its triangle is another one. */
@@ -80,7 +70,7 @@ static void set_up(struct few *few, const struct ear_input *input)
     for (uint32_t i = 0; i < n; i++) {
         few->previous[i] = (uint8_t)(i == 0 ? n - 1 : i - 1);
         few->next[i] = (uint8_t)(i + 1 == n ? 0 : i + 1);
-        few->squares[i] = square_between(few->points[i], few->points[few->next[i]]);
+        few->squares[i] = grid_square(few->points[i], few->points[few->next[i]]);
         turns[i] = turn_at(few, i);
         few->blockers |= (uint64_t)(turns[i] <= 0) << i;
     }
@@ -145,7 +135,7 @@ enum status cut_few_ears(struct context *ctx, struct scratch *scratch,
         few.previous[c] = (uint8_t)a;
         if (--count == 3) /* they are the last triangle, whatever they are */
             continue;
-        few.squares[a] = square_between(few.points[a], few.points[c]);
+        few.squares[a] = grid_square(few.points[a], few.points[c]);
         update(&few, a);
         update(&few, c);
     }

@@ -5,6 +5,8 @@
 #ifndef SPBM_GEOM_EAR_FEW_H
 #define SPBM_GEOM_EAR_FEW_H
 
+#include <math.h>
+
 #include "geom/simple_loop.h"
 
 struct ear_input {
@@ -25,6 +27,16 @@ struct ear_result {
     uint32_t rest_count; /* corners handed back, 0 when done */
     uint32_t *rest;      /* in the order of the loop; lies in the scratch */
 };
+
+/* 1 - the cosine of the angle at b, 0 to 2; 0 where an edge has no length. `lengths`: the product
+ * of both edges' squares. */
+static inline double ear_openness(struct grid_point a, struct grid_point b, struct grid_point c,
+                                  double lengths)
+{
+    const double cosine = lengths > 0 ? (double)grid_dot(b, a, c) / sqrt(lengths) : 1;
+    const double openness = 1 - cosine;
+    return openness < 0 ? 0 : openness > 2 ? 2 : openness; /* rounding may pass the ends */
+}
 
 enum { EAR_FEW_MAX = 40 }; /* corners; sets of them are bits */
 

@@ -37,6 +37,13 @@ static inline int64_t grid_dot(struct grid_point at, struct grid_point a, struct
     return (int64_t)(a.x - at.x) * (b.x - at.x) + (int64_t)(a.y - at.y) * (b.y - at.y);
 }
 
+/* Square of the distance between them. */
+static inline double grid_square(struct grid_point a, struct grid_point b)
+{
+    const double x = (double)(a.x - b.x), y = (double)(a.y - b.y);
+    return x * x + y * y;
+}
+
 /* Order along a sweep: by x, then by y. */
 static inline bool grid_before(struct grid_point a, struct grid_point b)
 {

@@ -44,6 +44,15 @@ static uint64_t slab_faces(const struct draft *draft, uint32_t slab)
     return left < full ? left : full;
 }
 
+/* How many vertices and faces the first `count` slabs have, one at least. */
+static void count_elements(const struct store_hold *hold, uint32_t count, size_t *vertices,
+                           size_t *faces)
+{
+    const struct held_slab *last = &hold->slabs[count - 1];
+    *vertices = (size_t)last->vertex_first + last->own_count;
+    *faces = ((size_t)(count - 1) << hold->slab_shift) + last->face_count;
+}
+
 enum status store_hold_begin(struct store_hold *hold, const struct draft *draft)
 {
     struct context *ctx = draft->ctx;
@@ -125,9 +134,8 @@ enum status store_hold_take(struct store_hold *hold, const struct frame *frame, 
 {
     if (hold->slab_count == 0)
         return STATUS_OK;
-    const struct held_slab *last = &hold->slabs[hold->slab_count - 1];
-    const size_t vertices = (size_t)last->vertex_first + last->own_count;
-    const size_t faces = ((size_t)(hold->slab_count - 1) << hold->slab_shift) + last->face_count;
+    size_t vertices, faces;
+    count_elements(hold, hold->slab_count, &vertices, &faces);
     struct context *ctx = hold->ctx;
     if (!draft->is_float32)
         round_positions(frame, draft, vertices);
@@ -187,10 +195,8 @@ void store_hold_forget(struct store_hold *hold, uint32_t slab)
     while (hold->done_before < hold->slab_count && hold->slabs[hold->done_before].is_done)
         hold->done_before++;
     if (hold->done_before > before) {
-        const struct held_slab *last = &hold->slabs[hold->done_before - 1];
-        const size_t vertices = (size_t)last->vertex_first + last->own_count;
-        const size_t faces =
-            ((size_t)(hold->done_before - 1) << hold->slab_shift) + last->face_count;
+        size_t vertices, faces;
+        count_elements(hold, hold->done_before, &vertices, &faces);
         release_before(hold, &hold->faces, FACE_SIZE * faces);
         release_before(hold, &hold->neighbours, FACE_SIZE * faces);
         release_before(hold, &hold->mates, faces);
