@@ -3,20 +3,21 @@
  * in a mesh without adjacency, and not unique in one that is no manifold. Instead each fan says
  * which border edges are its two ends, and a union-find joins them: a loop is what hangs together.
  *
- * Half-edges are sparse names. A bit a half-edge with counts every 512 bits turns them into dense
- * numbers without a hash map: 0.4 bytes a face, and 4 bytes a border edge for the union-find.
+ * Half-edges are sparse names. A bit a half-edge with counts every 64 turns them into dense
+ * numbers without a hash map: 0.6 bytes a face, and 4 bytes a border edge for the union-find.
  */
 #include "inspect/border_loops.h"
 
 #include <string.h>
+
+#include "base/forest.h"
+#include "base/ranked_bits.h"
 
 struct border_edge {
     uint64_t half_edge;
     uint32_t component;
     uint32_t unused;
 };
-
-enum { WORDS_A_RANK = 8 };
 
 void border_loops_init(struct context *ctx, const char *beside, uint64_t memory_limit,
                        struct border_loops *loops)
@@ -51,53 +52,27 @@ enum status border_loops_join(struct border_loops *loops, uint64_t half_edge, ui
     return spool_append(&loops->joints, joint, sizeof joint);
 }
 
-static uint32_t rank_of(const uint64_t *bits, const uint32_t *ranks, uint64_t half_edge)
-{
-    uint64_t word = half_edge / 64;
-    uint64_t first = word / WORDS_A_RANK * WORDS_A_RANK;
-    uint32_t rank = ranks[word / WORDS_A_RANK];
-    for (uint64_t i = first; i < word; i++)
-        rank += (uint32_t)__builtin_popcountll(bits[i]);
-    uint64_t below = ((uint64_t)1 << half_edge % 64) - 1;
-    return rank + (uint32_t)__builtin_popcountll(bits[word] & below);
-}
-
-static uint32_t find_root(uint32_t *roots, uint32_t i)
-{
-    while (roots[i] != i) {
-        roots[i] = roots[roots[i]];
-        i = roots[i];
-    }
-    return i;
-}
-
-/* Sets the bits and counts them; *bits and *ranks live until clear. */
+/* Sets the bits and ranks them; they live until clear. */
 static enum status number_edges(struct border_loops *loops, const struct border_edge *edges,
-                                uint64_t count, uint64_t **bits, uint32_t **ranks)
+                                uint64_t count, uint64_t half_edges, struct ranked_bits *numbers)
 {
     struct context *ctx = loops->ctx;
-    uint64_t rank_count = (loops->word_count + WORDS_A_RANK - 1) / WORDS_A_RANK;
     void *data;
+    numbers->words = bit_words(half_edges);
     enum status status =
         spool_scratch(ctx, &loops->bits, loops->bits.beside, loops->bits.memory_limit,
-                      loops->word_count * sizeof **bits, &data);
+                      numbers->words * sizeof *numbers->bits, &data);
     if (status != STATUS_OK)
         return status;
-    *bits = data;
+    numbers->bits = data;
     status = spool_scratch(ctx, &loops->ranks, loops->ranks.beside, loops->ranks.memory_limit,
-                           rank_count * sizeof **ranks, &data);
+                           numbers->words * sizeof *numbers->below, &data);
     if (status != STATUS_OK)
         return status;
-    *ranks = data;
-
+    numbers->below = data;
     for (uint64_t i = 0; i < count; i++)
-        (*bits)[edges[i].half_edge / 64] |= (uint64_t)1 << edges[i].half_edge % 64;
-    uint32_t before = 0;
-    for (uint64_t word = 0; word < loops->word_count; word++) {
-        if (word % WORDS_A_RANK == 0)
-            (*ranks)[word / WORDS_A_RANK] = before;
-        before += (uint32_t)__builtin_popcountll((*bits)[word]);
-    }
+        bit_set(numbers->bits, edges[i].half_edge);
+    ranked_bits_sum(numbers);
     return STATUS_OK;
 }
 
@@ -114,7 +89,6 @@ enum status border_loops_finish(struct border_loops *loops, uint64_t half_edges,
                     "the mesh has %llu border edges, more than can be told "
                     "apart",
                     (unsigned long long)count);
-    loops->word_count = half_edges / 64 + 1;
 
     void *data;
     enum status status = spool_seal(&loops->edges, &data);
@@ -126,9 +100,8 @@ enum status border_loops_finish(struct border_loops *loops, uint64_t half_edges,
         return status;
     const uint64_t *joints = data;
 
-    uint64_t *bits;
-    uint32_t *ranks;
-    status = number_edges(loops, edges, count, &bits, &ranks);
+    struct ranked_bits numbers;
+    status = number_edges(loops, edges, count, half_edges, &numbers);
     if (status != STATUS_OK)
         return status;
     status = spool_scratch(ctx, &loops->roots, loops->roots.beside, loops->roots.memory_limit,
@@ -139,13 +112,10 @@ enum status border_loops_finish(struct border_loops *loops, uint64_t half_edges,
 
     for (uint32_t i = 0; i < count; i++)
         roots[i] = i;
-    for (uint64_t i = 0; i < joint_count; i++) {
-        uint32_t a = find_root(roots, rank_of(bits, ranks, joints[2 * i]));
-        uint32_t b = find_root(roots, rank_of(bits, ranks, joints[2 * i + 1]));
-        roots[a > b ? a : b] = a > b ? b : a;
-    }
+    for (uint64_t i = 0; i < joint_count; i++)
+        forest_join(roots, rank_of(&numbers, joints[2 * i]), rank_of(&numbers, joints[2 * i + 1]));
     for (uint64_t i = 0; i < count; i++) {
-        uint32_t rank = rank_of(bits, ranks, edges[i].half_edge);
+        uint32_t rank = rank_of(&numbers, edges[i].half_edge);
         if (roots[rank] == rank)
             loop(user, edges[i].component);
     }

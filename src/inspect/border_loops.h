@@ -11,9 +11,8 @@ struct border_loops {
     struct spool edges;  /* struct border_edge, as added */
     struct spool joints; /* pairs of half-edges */
     struct spool bits;   /* one a half-edge: is a border edge */
-    struct spool ranks;  /* of each 512 bits: number of border edges before them */
+    struct spool ranks;  /* of each 64 bits: number of border edges before them */
     struct spool roots;  /* union-find over border edges by rank */
-    uint64_t word_count;
 };
 
 void border_loops_init(struct context *ctx, const char *beside, uint64_t memory_limit,

@@ -12,6 +12,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/ranked_bits.h"
 #include "mesh/import.h"
 #include "simplify/small_mesh.h"
 
@@ -21,9 +22,7 @@ struct unfolding {
     const struct chain_info *info;
     const struct import_sink *sink;
     struct small_workspace space;
-    uint64_t *on_seam; /* a bit a vertex of the store that the chains came from */
-    uint32_t *ranks;   /* a word of them: bits set before it */
-    size_t word_count;
+    struct ranked_bits on_seam; /* of the vertices of the store that the chains came from */
     uint32_t *seam_places; /* a seam vertex: its number in the new mesh; NO_INDEX: not given yet */
     size_t seam_count;
     uint64_t vertices_given, faces_given;
@@ -36,13 +35,6 @@ struct unfolding {
 };
 
 /* ---- seam vertices ---- */
-
-static uint32_t seam_rank(const struct unfolding *unfolding, uint32_t number)
-{
-    uint64_t below = ((uint64_t)1 << (number & 63)) - 1;
-    return unfolding->ranks[number >> 6] +
-           (uint32_t)__builtin_popcountll(unfolding->on_seam[number >> 6] & below);
-}
 
 static enum status mark_seams(struct unfolding *unfolding)
 {
@@ -58,7 +50,7 @@ static enum status mark_seams(struct unfolding *unfolding)
                               "%s: block %u names a vertex that the store has not",
                               chain_file_name(unfolding->file), slab);
             else
-                unfolding->on_seam[number >> 6] |= (uint64_t)1 << (number & 63);
+                bit_set(unfolding->on_seam.bits, number);
         }
         chain_block_release(unfolding->file, &block);
         if (status != STATUS_OK)
@@ -70,21 +62,13 @@ static enum status mark_seams(struct unfolding *unfolding)
 static enum status list_seams(struct unfolding *unfolding)
 {
     struct context *ctx = unfolding->ctx;
-    size_t words = unfolding->word_count = (size_t)(unfolding->info->topology.vertices / 64 + 1);
-    uint32_t count = 0;
     enum status status =
-        memory_take_zeroed(ctx, words, sizeof *unfolding->on_seam, &unfolding->on_seam);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, words, sizeof *unfolding->ranks, &unfolding->ranks);
+        ranked_bits_take(ctx, unfolding->info->topology.vertices, &unfolding->on_seam);
     if (status == STATUS_OK)
         status = mark_seams(unfolding);
     if (status != STATUS_OK)
         return status;
-    for (size_t w = 0; w < words; w++) {
-        unfolding->ranks[w] = count;
-        count += (uint32_t)__builtin_popcountll(unfolding->on_seam[w]);
-    }
-    unfolding->seam_count = count;
+    const size_t count = unfolding->seam_count = ranked_bits_sum(&unfolding->on_seam);
     status = memory_take(ctx, count, sizeof *unfolding->seam_places, &unfolding->seam_places);
     if (status == STATUS_OK)
         memset(unfolding->seam_places, 0xff, count * sizeof *unfolding->seam_places);
@@ -108,7 +92,8 @@ static enum status number_vertices(struct unfolding *unfolding, const struct sma
     uint32_t *numbers = unfolding->numbers;
     memset(numbers, 0xff, count * sizeof *numbers);
     for (uint32_t i = 0; i < mesh->seam_count; i++) {
-        uint32_t *place = &unfolding->seam_places[seam_rank(unfolding, mesh->seams[i].number)];
+        uint32_t *place =
+            &unfolding->seam_places[rank_of(&unfolding->on_seam, mesh->seams[i].number)];
         if (*place == NO_INDEX)
             *place = (uint32_t)next++;
         numbers[mesh->seams[i].vertex] = *place;
@@ -209,8 +194,7 @@ static enum status give_all(void *user, const struct import_sink *sink)
 static void release(struct unfolding *unfolding)
 {
     struct context *ctx = unfolding->ctx;
-    memory_release(ctx, &unfolding->on_seam, unfolding->word_count, sizeof *unfolding->on_seam);
-    memory_release(ctx, &unfolding->ranks, unfolding->word_count, sizeof *unfolding->ranks);
+    ranked_bits_clear(ctx, &unfolding->on_seam);
     memory_release(ctx, &unfolding->seam_places, unfolding->seam_count,
                    sizeof *unfolding->seam_places);
     memory_release(ctx, &unfolding->numbers, unfolding->number_capacity,

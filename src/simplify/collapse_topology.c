@@ -11,6 +11,7 @@
 
 #include "base/memory.h"
 #include "base/parallel.h"
+#include "base/ranked_bits.h"
 #include "collapse_internal.h"
 
 /* Lists the corners at each vertex, lowest first: from vertices[v].corner through the swings. */
@@ -322,69 +323,17 @@ unsigned topology_collapse(struct collapse *c, uint32_t a, const struct ring *ri
 
 /* ---- closing gaps ---- */
 
-/* Which of many are alive, with a count in front of every 64, so that a new number is one look. */
-struct ranks {
-    uint64_t *live;
-    uint32_t *before;
-    size_t words;
-};
-
-/* (The compiler's is a call unless the machine is known to have an instruction for it.) */
-static inline uint32_t count_bits(uint64_t bits)
-{
-    bits -= bits >> 1 & 0x5555555555555555;
-    bits = (bits & 0x3333333333333333) + (bits >> 2 & 0x3333333333333333);
-    bits = (bits + (bits >> 4)) & 0x0f0f0f0f0f0f0f0f;
-    return (uint32_t)(bits * 0x0101010101010101 >> 56);
-}
-
-static inline uint32_t rank_of(const struct ranks *ranks, uint32_t i)
-{
-    const uint64_t below = ranks->live[i >> 6] & (((uint64_t)1 << (i & 63)) - 1);
-    return ranks->before[i >> 6] + count_bits(below);
-}
-
-static inline bool is_live(const struct ranks *ranks, uint32_t i)
-{
-    return ranks->live[i >> 6] >> (i & 63) & 1;
-}
-
-static enum status ranks_take(struct context *ctx, uint64_t count, struct ranks *ranks)
-{
-    ranks->words = (size_t)(count / 64 + 1);
-    enum status status = memory_take_zeroed(ctx, ranks->words, sizeof *ranks->live, &ranks->live);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, ranks->words, sizeof *ranks->before, &ranks->before);
-    return status;
-}
-
-static void ranks_release(struct context *ctx, struct ranks *ranks)
-{
-    memory_release(ctx, &ranks->before, ranks->words, sizeof *ranks->before);
-    memory_release(ctx, &ranks->live, ranks->words, sizeof *ranks->live);
-}
-
-static uint32_t ranks_sum(struct ranks *ranks)
-{
-    uint32_t sum = 0;
-    for (size_t i = 0; i < ranks->words; i++) {
-        ranks->before[i] = sum;
-        sum += count_bits(ranks->live[i]);
-    }
-    return sum;
-}
-
-static uint32_t renumber_corner(const struct ranks *faces, uint32_t corner)
+static uint32_t renumber_corner(const struct ranked_bits *faces, uint32_t corner)
 {
     return corner == NO_INDEX ? NO_INDEX : 3 * rank_of(faces, corner / 3) + corner % 3;
 }
 
-static void move_vertices(struct collapse *c, const struct ranks *vertices,
-                          const struct ranks *faces)
+static void move_vertices(struct collapse *c, const struct ranked_bits *vertices,
+                          const struct ranked_bits *faces)
 {
     const size_t stride = c->attributes.stride;
     for (uint32_t v = 0; v < c->vertex_slots; v++) {
-        if (!is_live(vertices, v))
+        if (!bit_is_set(vertices->bits, v))
             continue;
         const uint32_t to = rank_of(vertices, v);
         c->vertices[to] = c->vertices[v];
@@ -395,10 +344,11 @@ static void move_vertices(struct collapse *c, const struct ranks *vertices,
     }
 }
 
-static void move_faces(struct collapse *c, const struct ranks *vertices, const struct ranks *faces)
+static void move_faces(struct collapse *c, const struct ranked_bits *vertices,
+                       const struct ranked_bits *faces)
 {
     for (uint32_t f = 0; f < c->face_slots; f++) {
-        if (!is_live(faces, f))
+        if (!bit_is_set(faces->bits, f))
             continue;
         const struct collapse_corner *from = c->corners + 3 * (size_t)f;
         struct collapse_corner *to = c->corners + 3 * (size_t)rank_of(faces, f);
@@ -411,17 +361,17 @@ static void move_faces(struct collapse *c, const struct ranks *vertices, const s
 
 enum status topology_compact(struct collapse *c)
 {
-    struct ranks vertices = {0}, faces = {0};
-    enum status status = ranks_take(c->ctx, c->vertex_slots, &vertices);
+    struct ranked_bits vertices = {0}, faces = {0};
+    enum status status = ranked_bits_take(c->ctx, c->vertex_slots, &vertices);
     if (status == STATUS_OK)
-        status = ranks_take(c->ctx, c->face_slots, &faces);
+        status = ranked_bits_take(c->ctx, c->face_slots, &faces);
     if (status != STATUS_OK)
         goto done;
     for (uint32_t v = 0; v < c->vertex_slots; v++)
-        vertices.live[v >> 6] |= (uint64_t)(c->vertices[v].corner != NO_INDEX) << (v & 63);
+        vertices.bits[v >> 6] |= (uint64_t)(c->vertices[v].corner != NO_INDEX) << (v & 63);
     for (uint32_t f = 0; f < c->face_slots; f++)
-        faces.live[f >> 6] |= (uint64_t)(c->corners[3 * (size_t)f].end != NO_INDEX) << (f & 63);
-    const uint32_t vertex_slots = ranks_sum(&vertices), face_slots = ranks_sum(&faces);
+        faces.bits[f >> 6] |= (uint64_t)(c->corners[3 * (size_t)f].end != NO_INDEX) << (f & 63);
+    const uint32_t vertex_slots = ranked_bits_sum(&vertices), face_slots = ranked_bits_sum(&faces);
     if (vertex_slots < c->vertex_slots || face_slots < c->face_slots) {
         move_vertices(c, &vertices, &faces);
         move_faces(c, &vertices, &faces);
@@ -429,7 +379,7 @@ enum status topology_compact(struct collapse *c)
     c->vertex_slots = vertex_slots;
     c->face_slots = face_slots;
 done:
-    ranks_release(c->ctx, &faces);
-    ranks_release(c->ctx, &vertices);
+    ranked_bits_clear(c->ctx, &faces);
+    ranked_bits_clear(c->ctx, &vertices);
     return status;
 }

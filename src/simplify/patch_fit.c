@@ -25,6 +25,7 @@
 
 #include "base/memory.h"
 #include "base/parallel.h"
+#include "base/ranked_bits.h"
 #include "mesh/draft.h"
 #include "simplify/patchify.h"
 
@@ -118,82 +119,33 @@ static void clear_excerpt(struct context *ctx, struct excerpt *excerpt)
     patch_workspace_clear(ctx, &excerpt->space);
 }
 
-/* A set of small numbers that knows how many lie below each: what is chosen of a slab gets numbers
- * of its own by it, in order, without sorting or searching. */
-struct chosen {
-    uint64_t *bits;
-    uint32_t *below; /* a word of them */
-    size_t words;
-};
-
-static enum status take_chosen(struct context *ctx, size_t count, struct chosen *chosen)
-{
-    chosen->words = count / 64 + 1;
-    enum status status =
-        memory_take_zeroed(ctx, chosen->words, sizeof *chosen->bits, &chosen->bits);
-    return status ? status : memory_take(ctx, chosen->words, sizeof *chosen->below, &chosen->below);
-}
-
-static void clear_chosen(struct context *ctx, struct chosen *chosen)
-{
-    memory_release(ctx, &chosen->bits, chosen->words, sizeof *chosen->bits);
-    memory_release(ctx, &chosen->below, chosen->words, sizeof *chosen->below);
-}
-
-static inline bool is_chosen(const struct chosen *chosen, uint32_t number)
-{
-    return chosen->bits[number / 64] >> number % 64 & 1;
-}
-
-static inline void choose(struct chosen *chosen, uint32_t number)
-{
-    chosen->bits[number / 64] |= UINT64_C(1) << number % 64;
-}
-
-/* After the last one: counts them, and lists them in `list`. */
-static uint32_t count_chosen(struct chosen *chosen, uint32_t *list)
-{
-    uint32_t count = 0;
-    for (size_t w = 0; w < chosen->words; w++) {
-        chosen->below[w] = count;
-        for (uint64_t left = chosen->bits[w]; left; left &= left - 1)
-            list[count++] = (uint32_t)(64 * w) + (uint32_t)__builtin_ctzll(left);
-    }
-    return count;
-}
-
-static inline uint32_t rank_of(const struct chosen *chosen, uint32_t number)
-{
-    const uint64_t lower = (UINT64_C(1) << number % 64) - 1;
-    return chosen->below[number / 64] +
-           (uint32_t)__builtin_popcountll(chosen->bits[number / 64] & lower);
-}
-
 /* Chooses the excerpt's faces: those first met breadth-first from face `first` of an open slab,
  * over edges, so that they hang together even where the order is not local. `list` gets them,
  * ascending. */
 static void choose_faces(const struct slab *slab, uint32_t first, uint32_t wanted,
-                         struct chosen *faces, uint32_t *list)
+                         struct ranked_bits *faces, uint32_t *list)
 {
     uint32_t count = 0, head = 0, next = first;
     while (count < wanted) {
         if (head == count) { /* a component is used up: the next free face, round the slab */
-            while (is_chosen(faces, next))
+            while (bit_is_set(faces->bits, next))
                 next = next + 1 == slab->face_count ? 0 : next + 1;
-            choose(faces, next);
+            bit_set(faces->bits, next);
             list[count++] = next;
             continue;
         }
         const uint32_t *neighbours = slab->neighbours + 3 * (size_t)list[head++];
         for (unsigned k = 0; k < 3 && count < wanted; k++) {
             const uint32_t face = neighbours[k] - slab->face_first;
-            if (neighbours[k] != NO_INDEX && face < slab->face_count && !is_chosen(faces, face)) {
-                choose(faces, face);
+            if (neighbours[k] != NO_INDEX && face < slab->face_count &&
+                !bit_is_set(faces->bits, face)) {
+                bit_set(faces->bits, face);
                 list[count++] = face;
             }
         }
     }
-    (void)count_chosen(faces, list);
+    ranked_bits_sum(faces);
+    bits_list(faces->bits, faces->words, list);
 }
 
 /* A vertex of a slab by its place among all of them, which is the store's order: foreign ones are
@@ -213,24 +165,26 @@ static const float *position_in_slab(const struct slab *slab, uint32_t place)
 
 /* Copies the listed faces with numbers of the excerpt's own. `places` has room for all their
  * corners. */
-static void copy_faces(const struct slab *slab, const uint32_t *list, const struct chosen *faces,
-                       struct chosen *vertices, uint32_t *places, struct excerpt *excerpt)
+static void copy_faces(const struct slab *slab, const uint32_t *list,
+                       const struct ranked_bits *faces, struct ranked_bits *vertices,
+                       uint32_t *places, struct excerpt *excerpt)
 {
     for (size_t i = 0; i < excerpt->face_count; i++) {
         excerpt->mates[i] = slab->mates[list[i]];
         for (unsigned k = 0; k < 3; k++) {
             const size_t from = 3 * (size_t)list[i] + k;
             const uint32_t neighbour = slab->neighbours[from], face = neighbour - slab->face_first;
-            const bool is_inside = face < slab->face_count && is_chosen(faces, face);
+            const bool is_inside = face < slab->face_count && bit_is_set(faces->bits, face);
             const uint32_t place = place_in_slab(slab, slab->faces[from]);
             excerpt->neighbours[3 * i + k] = neighbour == NO_INDEX ? NO_INDEX
                                              : is_inside           ? rank_of(faces, face)
                                                                    : excerpt->face_count;
             excerpt->faces[3 * i + k] = place;
-            choose(vertices, place);
+            bit_set(vertices->bits, place);
         }
     }
-    excerpt->vertex_count = count_chosen(vertices, places);
+    excerpt->vertex_count = ranked_bits_sum(vertices);
+    bits_list(vertices->bits, vertices->words, places);
     for (size_t i = 0; i < 3 * (size_t)excerpt->face_count; i++)
         excerpt->faces[i] = rank_of(vertices, excerpt->faces[i]);
     for (uint32_t v = 0; v < excerpt->vertex_count; v++)
@@ -244,21 +198,21 @@ static enum status copy_excerpt(struct context *ctx, const struct slab *slab, ui
     const size_t corners = 3 * (size_t)excerpt->face_count;
     const size_t slab_vertices =
         (size_t)(slab->vertex_end - slab->vertex_first) + slab->foreign_count;
-    struct chosen faces = {0}, vertices = {0};
+    struct ranked_bits faces = {0}, vertices = {0};
     uint32_t *list = NULL, *places = NULL;
     enum status status = memory_take(ctx, excerpt->face_count, sizeof *list, &list);
     if (!status)
         status = memory_take(ctx, corners, sizeof *places, &places);
     if (!status)
-        status = take_chosen(ctx, slab->face_count, &faces);
+        status = ranked_bits_take(ctx, slab->face_count, &faces);
     if (!status)
-        status = take_chosen(ctx, slab_vertices, &vertices);
+        status = ranked_bits_take(ctx, slab_vertices, &vertices);
     if (!status) {
         choose_faces(slab, first, excerpt->face_count, &faces, list);
         copy_faces(slab, list, &faces, &vertices, places, excerpt);
     }
-    clear_chosen(ctx, &vertices);
-    clear_chosen(ctx, &faces);
+    ranked_bits_clear(ctx, &vertices);
+    ranked_bits_clear(ctx, &faces);
     memory_release(ctx, &places, corners, sizeof *places);
     memory_release(ctx, &list, excerpt->face_count, sizeof *list);
     return status;

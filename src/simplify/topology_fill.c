@@ -43,11 +43,7 @@ static enum status list_rim_vertices(struct surgery *surgery)
                                 3 * surgery->corner_count, sizeof *surgery->rim_positions);
     if (status != STATUS_OK)
         return status;
-    surgery->rim_count = 0;
-    for (size_t w = 0; w < words; w++)
-        for (uint64_t left = surgery->used[w]; left; left &= left - 1)
-            surgery->rim_vertices[surgery->rim_count++] =
-                (uint32_t)(64 * w + (size_t)__builtin_ctzll(left));
+    surgery->rim_count = bits_list(surgery->used, words, surgery->rim_vertices);
     return STATUS_OK;
 }
 
@@ -213,7 +209,8 @@ static enum status triangulate_loop(struct filler *filler, const struct fill_loo
     struct context *ctx = surgery->ctx;
     uint32_t n = loop->count;
     enum triangulation_quality quality;
-    if (n < 3 || repeats_corner(filler->corners, n) || (n == 3 && repeats_face(surgery, filler->corners)))
+    if (n < 3 || repeats_corner(filler->corners, n) ||
+        (n == 3 && repeats_face(surgery, filler->corners)))
         return STATUS_OK;
     enum status status = memory_reserve(ctx, &filler->triangles, &filler->triangle_capacity,
                                         3 * ((size_t)n - 2), sizeof *filler->triangles);

@@ -26,7 +26,7 @@ static enum status list_vertices(struct near_faces *near)
         for (uint32_t k = 0; k < surgery->loops[i].count && surgery->loops[i].is_crack; k++)
             bit_set(surgery->used, surgery->corners[surgery->loops[i].first + k]);
     for (size_t w = 0; w < words; w++)
-        count += (size_t)__builtin_popcountll(surgery->used[w]);
+        count += bit_count(surgery->used[w]);
     near->vertex_count = count;
     enum status status = memory_take(ctx, count, sizeof *near->vertices, &near->vertices);
     if (status == STATUS_OK)
@@ -45,10 +45,7 @@ static enum status list_vertices(struct near_faces *near)
         near->parents[i] = i;
     memset(near->first_corner, 0xff, count * sizeof *near->first_corner);
     memset(near->moved_to, 0xff, count * sizeof *near->moved_to);
-    count = 0;
-    for (size_t w = 0; w < words; w++)
-        for (uint64_t left = surgery->used[w]; left; left &= left - 1)
-            near->vertices[count++] = (uint32_t)(64 * w + (size_t)__builtin_ctzll(left));
+    bits_list(surgery->used, words, near->vertices);
     return STATUS_OK;
 }
 

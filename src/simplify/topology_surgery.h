@@ -8,6 +8,7 @@
 
 #include <string.h>
 
+#include "base/ranked_bits.h"
 #include "mesh/store.h"
 #include "simplify/patch.h"
 #include "simplify/topology_features.h"
@@ -73,22 +74,6 @@ struct surgery {
     struct fill_centre *centres;
     size_t centre_count, centre_capacity;
 };
-
-/* Words of a bit map, and one that is never used. */
-static inline size_t bit_words(uint64_t bits)
-{
-    return (size_t)((bits + 63) / 64) + 1;
-}
-
-static inline bool bit_is_set(const uint64_t *bits, size_t i)
-{
-    return bits[i >> 6] >> (i & 63) & 1;
-}
-
-static inline void bit_set(uint64_t *bits, size_t i)
-{
-    bits[i >> 6] |= (uint64_t)1 << (i & 63);
-}
 
 /* The last of `count` records of `size` bytes whose number is not above the one asked for, or the
  * first. Each begins with its number, and they ascend. */

@@ -32,7 +32,7 @@ static void mark_used(struct surgery *surgery, const struct slab *slab)
 struct writing {
     struct surgery *surgery;
     const struct surgery_sink *sink;
-    uint32_t *ranks;                      /* a word of `used`: vertices before it */
+    struct ranked_bits used;              /* the surgery's, ranked */
     uint32_t centre_first, centre_number; /* the first centre's number before and now */
     double positions[3 * BATCH];
     unsigned char *records; /* BATCH */
@@ -43,9 +43,7 @@ static uint32_t new_number(const struct writing *writing, uint32_t vertex)
 {
     if (vertex >= writing->centre_first)
         return writing->centre_number + (vertex - writing->centre_first);
-    uint64_t word = writing->surgery->used[vertex >> 6];
-    uint64_t before = word & (((uint64_t)1 << (vertex & 63)) - 1);
-    return writing->ranks[vertex >> 6] + (uint32_t)__builtin_popcountll(before);
+    return rank_of(&writing->used, vertex);
 }
 
 static enum status write_slab_vertices(struct writing *writing, const struct slab *slab)
@@ -152,26 +150,22 @@ enum status surgery_write(struct surgery *surgery, const struct surgery_sink *si
     const struct store_info *info = store_info(surgery->store);
     size_t words = bit_words(info->topology.vertices), stride = info->attributes.stride;
     struct writing *writing;
-    uint32_t *ranks = NULL, total = 0;
     enum status status = memory_take(ctx, 1, sizeof *writing, &writing);
     if (status != STATUS_OK)
         return status;
-    *writing = (struct writing){.surgery = surgery, .sink = sink};
+    *writing = (struct writing){
+        .surgery = surgery, .sink = sink, .used = {.bits = surgery->used, .words = words}};
     memset(surgery->used, 0, words * sizeof *surgery->used);
     status = sweep_slabs(writing, SWEEP_MARK);
     mark_corners(surgery, surgery->mended, surgery->mended_count);
     mark_corners(surgery, surgery->fills, surgery->fill_count);
     if (status == STATUS_OK)
-        status = memory_take(ctx, words, sizeof *ranks, &ranks);
+        status = memory_take(ctx, words, sizeof *writing->used.below, &writing->used.below);
     if (status == STATUS_OK && stride)
         status = memory_take(ctx, BATCH, stride, &writing->records);
     if (status != STATUS_OK)
         goto done;
-    for (size_t w = 0; w < words; w++) {
-        ranks[w] = total;
-        total += (uint32_t)__builtin_popcountll(surgery->used[w]);
-    }
-    writing->ranks = ranks;
+    const uint32_t total = ranked_bits_sum(&writing->used);
     writing->centre_first = (uint32_t)info->topology.vertices;
     writing->centre_number = total;
     status =
@@ -187,7 +181,7 @@ enum status surgery_write(struct surgery *surgery, const struct surgery_sink *si
     if (status == STATUS_OK)
         status = write_faces(writing, surgery->fills, surgery->fill_count, NO_INDEX);
 done:
-    memory_release(ctx, &ranks, words, sizeof *ranks);
+    memory_release(ctx, &writing->used.below, words, sizeof *writing->used.below);
     memory_release(ctx, &writing->records, stride ? BATCH : 0, stride);
     memory_release(ctx, &writing, 1, sizeof *writing);
     return status;
