@@ -70,18 +70,24 @@ static void note_failure(struct team *team, uint64_t job, enum status status)
     }
 }
 
+/* Begins the next job and does it, unlocked; the lock is held before and after. Returns which. */
+static uint64_t do_next(struct team *team, unsigned worker)
+{
+    const uint64_t job = team->next++;
+    pthread_mutex_unlock(&team->lock);
+    enum status status = poll_cancel(team->ctx);
+    if (status == STATUS_OK)
+        status = team->work(team->user, job, worker);
+    pthread_mutex_lock(&team->lock);
+    note_failure(team, job, status);
+    return job;
+}
+
 static void run_loop(struct team *team, unsigned worker)
 {
     pthread_mutex_lock(&team->lock);
-    while (team->failed == STATUS_OK && team->next < team->jobs) {
-        uint64_t job = team->next++;
-        pthread_mutex_unlock(&team->lock);
-        enum status status = poll_cancel(team->ctx);
-        if (status == STATUS_OK)
-            status = team->work(team->user, job, worker);
-        pthread_mutex_lock(&team->lock);
-        note_failure(team, job, status);
-    }
+    while (team->failed == STATUS_OK && team->next < team->jobs)
+        (void)do_next(team, worker);
     pthread_mutex_unlock(&team->lock);
 }
 
@@ -112,13 +118,7 @@ static void run_pipeline(struct team *team, unsigned worker)
             team->finished++;
             pthread_cond_broadcast(&team->changed);
         } else if (can_begin(team)) {
-            uint64_t job = team->next++;
-            pthread_mutex_unlock(&team->lock);
-            enum status status = poll_cancel(team->ctx);
-            if (status == STATUS_OK)
-                status = team->work(team->user, job, worker);
-            pthread_mutex_lock(&team->lock);
-            note_failure(team, job, status);
+            const uint64_t job = do_next(team, worker);
             team->is_done[job % team->in_flight] = true;
             pthread_cond_broadcast(&team->changed);
         } else {

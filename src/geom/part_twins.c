@@ -46,9 +46,7 @@ enum status part_twins(struct context *ctx, struct scratch *scratch,
     if (status != STATUS_OK)
         return status;
     struct grid_key *order = (struct grid_key *)(void *)scratch->block;
-    for (uint32_t i = 0; i < n; i++)
-        order[i] = (struct grid_key){(uint64_t)points[i].x << 31 | (uint32_t)points[i].y, i};
-    sort_grid_keys(order, order + n, n);
+    sort_grid_points(points, n, order);
 
     memcpy(parted, points, n * sizeof *points);
     for (uint32_t i = 0; i < n; i++) {

@@ -74,6 +74,13 @@ void sort_grid_keys(struct grid_key *keys, struct grid_key *other, uint32_t coun
         memcpy(keys, from, count * sizeof *keys);
 }
 
+void sort_grid_points(const struct grid_point *points, uint32_t count, struct grid_key *order)
+{
+    for (uint32_t i = 0; i < count; i++)
+        order[i] = (struct grid_key){(uint64_t)points[i].x << 31 | (uint32_t)points[i].y, i};
+    sort_grid_keys(order, order + count, count);
+}
+
 /* ---- convex and small loops ---- */
 
 static uint32_t after(uint32_t i, uint32_t n)
@@ -352,9 +359,7 @@ enum status loop_is_simple(struct context *ctx, struct scratch *scratch,
     if (status != STATUS_OK)
         return status;
     struct grid_key *order = (struct grid_key *)(void *)scratch->block;
-    for (uint32_t i = 0; i < n; i++)
-        order[i] = (struct grid_key){(uint64_t)points[i].x << 31 | (uint32_t)points[i].y, i};
-    sort_grid_keys(order, order + n, n);
+    sort_grid_points(points, n, order);
 
     uint32_t *lists = (uint32_t *)(void *)(scratch->block + 2 * key_bytes);
     struct sweep sweep = {.points = points,

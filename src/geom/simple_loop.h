@@ -27,6 +27,9 @@ struct grid_key {
 /* Sorts in O(n log n); `other` is room for as many. The result is in `keys`. */
 void sort_grid_keys(struct grid_key *keys, struct grid_key *other, uint32_t count);
 
+/* The order of points by x, then y, in `order`, which has room for twice as many. */
+void sort_grid_points(const struct grid_point *points, uint32_t count, struct grid_key *order);
+
 /* Edges run from each point to the next and from the last to the first; n is at least 3. O(n log n)
  * for any loop; nothing is allocated for small or convex ones. */
 enum status loop_is_simple(struct context *ctx, struct scratch *scratch,

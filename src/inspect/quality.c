@@ -18,6 +18,7 @@
 
 #include "base/bytes.h"
 #include "base/external_sort.h"
+#include "base/forest.h"
 #include "base/memory.h"
 #include "geom/vec.h"
 #include "inspect/border_loops.h"
@@ -90,23 +91,6 @@ static enum status end_batch(struct scan *scan, const char *stage, uint64_t done
 
 /* ---- first look at the faces: what each face tells alone, and components ---- */
 
-/* Parents are never above their children, so numbering can go front to back. */
-static uint32_t find_vertex(uint32_t *parent, uint32_t vertex)
-{
-    while (parent[vertex] != vertex) {
-        parent[vertex] = parent[parent[vertex]];
-        vertex = parent[vertex];
-    }
-    return vertex;
-}
-
-static void unite_vertices(uint32_t *parent, uint32_t a, uint32_t b)
-{
-    a = find_vertex(parent, a);
-    b = find_vertex(parent, b);
-    parent[a > b ? a : b] = a > b ? b : a;
-}
-
 static enum status scan_faces(struct scan *scan)
 {
     const struct quality_input *input = scan->input;
@@ -130,8 +114,8 @@ static enum status scan_faces(struct scan *scan)
         } else {
             for (unsigned k = 0; k < 3; k++)
                 scan->referenced[corner[k] / 8] |= (unsigned char)(1u << corner[k] % 8);
-            unite_vertices(scan->label, corner[0], corner[1]);
-            unite_vertices(scan->label, corner[1], corner[2]);
+            forest_join(scan->label, corner[0], corner[1]);
+            forest_join(scan->label, corner[1], corner[2]);
             struct vec3 a = vec3_sub(position_of(input, corner[0]), base);
             struct vec3 b = vec3_sub(position_of(input, corner[1]), base);
             struct vec3 c = vec3_sub(position_of(input, corner[2]), base);

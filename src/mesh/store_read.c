@@ -262,11 +262,6 @@ static enum status check_slab(struct store *store, const struct slab *slab, cons
     return settle_seams(store, seams);
 }
 
-static enum status no_slab(struct store *store, uint32_t index)
-{
-    return fail(store->ctx, STATUS_MISUSE, "there is no slab %lu", (unsigned long)index);
-}
-
 /* Fills in the slab whose bytes are at `block`, and checks it. */
 static enum status point_into(struct store *store, uint32_t index, const struct slab_layout *layout,
                               const unsigned char *block, struct slab *slab)
@@ -291,21 +286,36 @@ static enum status point_into(struct store *store, uint32_t index, const struct 
     return status;
 }
 
-enum status slab_open(struct store *store, uint32_t index, struct slab *slab)
+/* What the ways to a slab begin with: *is_held when it is given already, or where in the file it is
+ * and how it is laid out. */
+static enum status find_slab(struct store *store, uint32_t index, struct slab *slab,
+                             struct slab_layout *layout, uint64_t *offset, bool *is_held)
 {
     memset(slab, 0, sizeof *slab);
+    *is_held = false;
+    *offset = 0;
     if (index >= store->info.slab_count)
-        return no_slab(store, index);
-    if (store_hold_has(store->hold, index)) {
+        return fail(store->ctx, STATUS_MISUSE, "there is no slab %lu", (unsigned long)index);
+    *is_held = store_hold_has(store->hold, index);
+    if (*is_held) {
         store_hold_give(store->hold, index, slab);
         return STATUS_OK;
     }
+    slab_layout_find(&store->entries[index], store->info.attributes.stride, layout);
+    *offset = store->slabs->offset + store->entries[index].offset;
+    return STATUS_OK;
+}
+
+enum status slab_open(struct store *store, uint32_t index, struct slab *slab)
+{
     struct slab_layout layout;
-    slab_layout_find(&store->entries[index], store->info.attributes.stride, &layout);
+    uint64_t offset;
+    bool is_held;
+    enum status status = find_slab(store, index, slab, &layout, &offset, &is_held);
+    if (status != STATUS_OK || is_held)
+        return status;
     struct window *window = &slab->windows[0];
-    enum status status =
-        window_open(&store->reader.file, store->slabs->offset + store->entries[index].offset,
-                    layout.size, window);
+    status = window_open(&store->reader.file, offset, layout.size, window);
     return status != STATUS_OK ? status : point_into(store, index, &layout, window->data, slab);
 }
 
@@ -325,18 +335,13 @@ uint64_t slab_size(const struct store *store, uint32_t index, uint32_t *face_cou
 
 enum status slab_read(struct store *store, uint32_t index, void *buffer, struct slab *slab)
 {
-    memset(slab, 0, sizeof *slab);
-    if (index >= store->info.slab_count)
-        return no_slab(store, index);
-    if (store_hold_has(store->hold, index)) {
-        store_hold_give(store->hold, index, slab);
-        return STATUS_OK;
-    }
     struct slab_layout layout;
-    slab_layout_find(&store->entries[index], store->info.attributes.stride, &layout);
-    enum status status =
-        input_read(&store->reader.file, store->slabs->offset + store->entries[index].offset, buffer,
-                   (size_t)layout.size);
+    uint64_t offset;
+    bool is_held;
+    enum status status = find_slab(store, index, slab, &layout, &offset, &is_held);
+    if (status != STATUS_OK || is_held)
+        return status;
+    status = input_read(&store->reader.file, offset, buffer, (size_t)layout.size);
     return status != STATUS_OK ? status : point_into(store, index, &layout, buffer, slab);
 }
 

@@ -47,6 +47,15 @@ static uint64_t double_bits(double value)
 
 /* ---- feeding ---- */
 
+/* After a batch up to vertex v. */
+static enum status go_on(struct ingest *ingest, uint64_t v)
+{
+    if (v / BATCH % POLL_BATCHES != 0)
+        return STATUS_OK;
+    spool_pass(&ingest->position_spool, v * (ingest->is_float32 ? 12u : 24u));
+    return step(ingest->ctx, "import: weld", v, ingest->vertex_count);
+}
+
 static enum status add_floats(struct ingest *ingest, struct sorter *sorter, uint64_t first,
                               uint64_t end)
 {
@@ -60,10 +69,8 @@ static enum status add_floats(struct ingest *ingest, struct sorter *sorter, uint
             batch[count].z_index = (uint64_t)float_bits(p[2]) << 32 | v;
         }
         status = sorter_add(sorter, batch, count);
-        if (v / BATCH % POLL_BATCHES == 0)
-            spool_pass(&ingest->position_spool, v * (ingest->is_float32 ? 12u : 24u));
-        if (status == STATUS_OK && v / BATCH % POLL_BATCHES == 0)
-            status = step(ingest->ctx, "import: weld", v, ingest->vertex_count);
+        if (status == STATUS_OK)
+            status = go_on(ingest, v);
     }
     return status;
 }
@@ -87,10 +94,8 @@ static enum status add_doubles(struct ingest *ingest, struct sorter *sorter, uin
             record->key[1] = record->z;
         }
         status = sorter_add(sorter, batch, count);
-        if (v / BATCH % POLL_BATCHES == 0)
-            spool_pass(&ingest->position_spool, v * (ingest->is_float32 ? 12u : 24u));
-        if (status == STATUS_OK && v / BATCH % POLL_BATCHES == 0)
-            status = step(ingest->ctx, "import: weld", v, ingest->vertex_count);
+        if (status == STATUS_OK)
+            status = go_on(ingest, v);
     }
     return status;
 }
