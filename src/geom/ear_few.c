@@ -110,6 +110,7 @@ enum status cut_few_ears(struct context *ctx, struct scratch *scratch,
     set_up(&few, input);
     for (uint32_t count = input->n;;) {
         const uint32_t b = best_corner(&few, input->n);
+        /* No loop is empty. NOLINTNEXTLINE(clang-analyzer-core.uninitialized.Assign) */
         const uint32_t a = few.previous[b], c = few.next[b];
         if (count > 3) {
             if (few.key[b] >= NOT_AN_EAR) {

@@ -211,7 +211,7 @@ void store_hold_clear(struct store_hold *hold)
     if (ctx) {
         struct held_array *arrays[] = {&hold->faces, &hold->neighbours, &hold->mates,
                                        &hold->positions, &hold->records};
-        for (size_t i = 0; i < sizeof arrays / sizeof *arrays; i++)
+        for (size_t i = 0; i < sizeof arrays / sizeof arrays[0]; i++)
             memory_release(ctx, &arrays[i]->rest, arrays[i]->rest_size, 1);
         for (uint32_t i = 0; i < hold->slab_count; i++)
             memory_release(ctx, &hold->slabs[i].foreign, hold->slabs[i].foreign_count,
