@@ -9,6 +9,7 @@
 #ifndef SPBM_BASE_LANES_H
 #define SPBM_BASE_LANES_H
 
+#include <math.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -63,6 +64,14 @@ LANES_INLINE float8 lanes_where(int8x32 mask, float8 a)
 LANES_INLINE float8 lanes_choose(int8x32 mask, float8 a, float8 b)
 {
     return (float8)((mask & (int8x32)a) | (~mask & (int8x32)b));
+}
+
+LANES_INLINE float8 lanes_sqrt(float8 v)
+{
+    float8 root;
+    for (int i = 0; i < LANES; i++)
+        root[i] = sqrtf(v[i]);
+    return root;
 }
 
 LANES_INLINE float8 lanes_least(float8 a, float8 b)

@@ -7,9 +7,8 @@
  * tips over. Here the last resort is always present with a small weight: a pull to the edge's
  * middle, SHAPE_WEIGHT of the matrix's trace, which decides where the triangles leave x free and is
  * not felt where they do not. That leaves one 2 x 2 system in the plane, solved in closed form
- * without a branch, so that the edges of a vertex go through it together, one a lane. Loops over
- * lanes are simple enough for the compiler to make vector instructions of; every lane does the same
- * IEEE operations in the same order on any machine.
+ * without a branch, so that the edges of a vertex go through it together, one a lane. Every lane
+ * does the same IEEE operations in the same order on any machine.
  */
 #include "quadric.h"
 
@@ -29,131 +28,141 @@ static const double PLANE_FLOOR = 1e-6;
 /* Of edge length to the sixth: orders edges in planes, the short ones first. */
 static const double TIE_WEIGHT = 1e-8;
 
-/* The matrix that the neighbour's triangles give, the two shared ones left to the origin's. */
-LANES_INLINE void rest_of_fan(const struct edge_lanes *e, float square[6][LANES],
-                              float normal[3][LANES])
+/* Eight symmetric matrices. */
+struct forms {
+    float8 xx, xy, xz, yy, yz, zz;
+};
+
+/* The fan's triangles as they are for every lane. */
+LANES_INLINE struct forms forms_of(const struct fan *fan)
 {
-    for (int i = 0; i < LANES; i++) {
-        const float lx = e->left[0][i], ly = e->left[1][i], lz = e->left[2][i];
-        const float rx = e->right[0][i], ry = e->right[1][i], rz = e->right[2][i];
-        square[0][i] = e->square[0][i] - lx * lx - rx * rx;
-        square[1][i] = e->square[1][i] - lx * ly - rx * ry;
-        square[2][i] = e->square[2][i] - lx * lz - rx * rz;
-        square[3][i] = e->square[3][i] - ly * ly - ry * ry;
-        square[4][i] = e->square[4][i] - ly * lz - ry * rz;
-        square[5][i] = e->square[5][i] - lz * lz - rz * rz;
-        normal[0][i] = e->normal[0][i] - lx - rx;
-        normal[1][i] = e->normal[1][i] - ly - ry;
-        normal[2][i] = e->normal[2][i] - lz - rz;
-    }
+    const float *s = fan->square;
+    return (struct forms){lanes_all(s[0]), lanes_all(s[1]), lanes_all(s[2]),
+                          lanes_all(s[3]), lanes_all(s[4]), lanes_all(s[5])};
+}
+
+LANES_INLINE struct vec3x8 load_lanes(const float lanes[3][LANES])
+{
+    return lanes_load3(lanes[0], lanes[1], lanes[2]);
+}
+
+/* The matrix that the neighbour's triangles give, the two shared ones left to the origin's. */
+LANES_INLINE struct forms rest_of_fan(const struct edge_lanes *e)
+{
+    const struct vec3x8 l = load_lanes(e->left), r = load_lanes(e->right);
+    return (struct forms){
+        lanes_load(e->square[0]) - l.x * l.x - r.x * r.x,
+        lanes_load(e->square[1]) - l.x * l.y - r.x * r.y,
+        lanes_load(e->square[2]) - l.x * l.z - r.x * r.z,
+        lanes_load(e->square[3]) - l.y * l.y - r.y * r.y,
+        lanes_load(e->square[4]) - l.y * l.z - r.y * r.z,
+        lanes_load(e->square[5]) - l.z * l.z - r.z * r.z,
+    };
 }
 
 /* x'Sx, never negative: rounding of a nearly singular S is cut off. */
-LANES_INLINE float form(float xx, float xy, float xz, float yy, float yz, float zz, float x,
-                        float y, float z)
+LANES_INLINE float8 form(const struct forms *s, struct vec3x8 x)
 {
-    const float value =
-        xx * x * x + yy * y * y + zz * z * z + 2 * (xy * x * y + xz * x * z + yz * y * z);
-    return value > 0 ? value : 0;
+    const float8 value = s->xx * x.x * x.x + s->yy * x.y * x.y + s->zz * x.z * x.z +
+                         2 * (s->xy * x.x * x.y + s->xz * x.x * x.z + s->yz * x.y * x.z);
+    return lanes_where(value > 0, value);
 }
 
-LANES_INLINE float tie(float length)
+static inline float tie(float length)
 {
     return (float)TIE_WEIGHT * length * length * length;
 }
 
-LANES_INLINE float cost_at(const struct fan *fan, float rest[6][LANES], const struct edge_lanes *e,
-                           int i, float x, float y, float z)
+LANES_INLINE float8 cost_at(const struct forms *own, const struct forms *rest, struct vec3x8 edge,
+                            struct vec3x8 x)
 {
-    const float *s = fan->square;
-    const float ex = e->edge[0][i], ey = e->edge[1][i], ez = e->edge[2][i];
-    const float here = form(s[0], s[1], s[2], s[3], s[4], s[5], x, y, z);
-    const float there = form(rest[0][i], rest[1][i], rest[2][i], rest[3][i], rest[4][i], rest[5][i],
-                             x - ex, y - ey, z - ez);
-    return (here + there) / 72 + tie(ex * ex + ey * ey + ez * ez);
+    const float8 length = lanes_dot(edge, edge);
+    return (form(own, x) + form(rest, lanes_sub(x, edge))) / 72 +
+           (float)TIE_WEIGHT * length * length * length;
 }
 
-/* (The fan by value: else the compiler sees to it at run time that it is none of the lanes.) */
-LANES_INLINE void place_lanes(const struct fan fan, float reach_square, struct edge_lanes *e)
+LANES_INLINE struct vec3x8 apply_forms(const struct forms *s, struct vec3x8 x)
 {
-    float rest[6][LANES], normal[3][LANES];
-    rest_of_fan(e, rest, normal);
-    const float *own = fan.square;
-    for (int i = 0; i < LANES; i++) {
-        const float ex = e->edge[0][i], ey = e->edge[1][i], ez = e->edge[2][i];
-        const float offset = normal[0][i] * ex + normal[1][i] * ey + normal[2][i] * ez;
-        const float xx = rest[0][i] + own[0], xy = rest[1][i] + own[1], xz = rest[2][i] + own[2];
-        const float yy = rest[3][i] + own[3], yz = rest[4][i] + own[4], zz = rest[5][i] + own[5];
-        const float gx = rest[0][i] * ex + rest[1][i] * ey + rest[2][i] * ez;
-        const float gy = rest[1][i] * ex + rest[3][i] * ey + rest[4][i] * ez;
-        const float gz = rest[2][i] * ex + rest[4][i] * ey + rest[5][i] * ez;
-        const float trace = xx + yy + zz;
-        const float pull = (float)SHAPE_WEIGHT * trace;
+    return (struct vec3x8){s->xx * x.x + s->xy * x.y + s->xz * x.z,
+                           s->xy * x.x + s->yy * x.y + s->yz * x.z,
+                           s->xz * x.x + s->yz * x.y + s->zz * x.z};
+}
 
-        /* unit normal and height of the plane */
-        const float nx = normal[0][i] + fan.normal[0], ny = normal[1][i] + fan.normal[1];
-        const float nz = normal[2][i] + fan.normal[2];
-        const float square = nx * nx + ny * ny + nz * nz;
-        const bool has_plane = square > (float)PLANE_FLOOR * trace;
-        const float scale = 1 / sqrtf(has_plane ? square : 1);
-        const float ux = nx * scale, uy = ny * scale, uz = has_plane ? nz * scale : 1;
-        const float height = offset * scale;
+LANES_INLINE void place_lanes(const struct fan *fan, float reach_square, struct edge_lanes *e)
+{
+    const struct forms own = forms_of(fan), rest = rest_of_fan(e);
+    const struct forms sum = {rest.xx + own.xx, rest.xy + own.xy, rest.xz + own.xz,
+                              rest.yy + own.yy, rest.yz + own.yz, rest.zz + own.zz};
+    const struct vec3x8 edge = load_lanes(e->edge), g = apply_forms(&rest, edge);
+    const struct vec3x8 beside =
+        lanes_sub(lanes_sub(load_lanes(e->normal), load_lanes(e->left)), load_lanes(e->right));
+    const float8 offset = lanes_dot(beside, edge);
+    const float8 trace = sum.xx + sum.yy + sum.zz, pull = (float)SHAPE_WEIGHT * trace;
+    const float8 one = lanes_all(1), reach = lanes_all(reach_square);
 
-        /* an orthonormal frame s, t of it, without a branch on its direction */
-        const float sign = uz < 0 ? -1.0f : 1.0f;
-        const float a = -1 / (sign + uz), b = ux * uy * a;
-        const float sx = 1 + sign * ux * ux * a, sy = sign * b, sz = -sign * ux;
-        const float tx = b, ty = sign + uy * uy * a, tz = -uy;
+    /* unit normal and height of the plane */
+    const struct vec3x8 normal = {beside.x + fan->normal[0], beside.y + fan->normal[1],
+                                  beside.z + fan->normal[2]};
+    const float8 square = lanes_dot(normal, normal);
+    const int8x32 has_plane = square > (float)PLANE_FLOOR * trace;
+    const float8 scale = 1 / lanes_sqrt(lanes_choose(has_plane, square, one));
+    const struct vec3x8 u = {normal.x * scale, normal.y * scale,
+                             lanes_choose(has_plane, normal.z * scale, one)};
+    const float8 height = offset * scale;
 
-        /* x = height u + p s + q t: the form's gradient along s and t is to vanish */
-        const float msx = xx * sx + xy * sy + xz * sz, msy = xy * sx + yy * sy + yz * sz;
-        const float msz = xz * sx + yz * sy + zz * sz;
-        const float mtx = xx * tx + xy * ty + xz * tz, mty = xy * tx + yy * ty + yz * tz;
-        const float mtz = xz * tx + yz * ty + zz * tz;
-        const float m00 = sx * msx + sy * msy + sz * msz + pull;
-        const float m01 = sx * mtx + sy * mty + sz * mtz;
-        const float m11 = tx * mtx + ty * mty + tz * mtz + pull;
-        const float cx = gx + pull * ex / 2, cy = gy + pull * ey / 2, cz = gz + pull * ez / 2;
-        const float g0 = sx * cx + sy * cy + sz * cz - height * (ux * msx + uy * msy + uz * msz);
-        const float g1 = tx * cx + ty * cy + tz * cz - height * (ux * mtx + uy * mty + uz * mtz);
-        const float determinant = 1 / (m00 * m11 - m01 * m01);
-        float p = (m11 * g0 - m01 * g1) * determinant;
-        float q = (m00 * g1 - m01 * g0) * determinant;
-        /* what the pull did where it was not meant: what is left to solve is the pull itself */
-        float dp = p - (sx * ex + sy * ey + sz * ez) / 2;
-        float dq = q - (tx * ex + ty * ey + tz * ez) / 2;
-        for (int round = 0; round < REFINEMENTS; round++) {
-            const float rp = pull * dp, rq = pull * dq;
-            dp = (m11 * rp - m01 * rq) * determinant;
-            dq = (m00 * rq - m01 * rp) * determinant;
-            p += dp;
-            q += dq;
-        }
-        const float px = height * ux + p * sx + q * tx - ex / 2;
-        const float py = height * uy + p * sy + q * ty - ey / 2;
-        const float pz = height * uz + p * sz + q * tz - ez / 2;
+    /* an orthonormal frame s, t of it, without a branch on its direction */
+    const float8 sign = lanes_choose(u.z < 0, -one, one);
+    const float8 a = -1 / (sign + u.z), b = u.x * u.y * a;
+    const struct vec3x8 s = {1 + sign * u.x * u.x * a, sign * b, -sign * u.x};
+    const struct vec3x8 t = {b, sign + u.y * u.y * a, -u.y};
 
-        /* too far (or not a number): the middle's foot on the plane, or the middle itself */
-        const bool near = has_plane && px * px + py * py + pz * pz <= reach_square;
-        const float lift = height - (ux * ex + uy * ey + uz * ez) / 2;
-        const float safe_lift = has_plane && lift * lift <= reach_square ? lift : 0;
-        e->at[0][i] = ex / 2 + (near ? px : safe_lift * ux);
-        e->at[1][i] = ey / 2 + (near ? py : safe_lift * uy);
-        e->at[2][i] = ez / 2 + (near ? pz : safe_lift * uz);
+    /* x = height u + p s + q t: the form's gradient along s and t is to vanish */
+    const struct vec3x8 ms = apply_forms(&sum, s), mt = apply_forms(&sum, t);
+    const float8 m00 = lanes_dot(s, ms) + pull, m01 = lanes_dot(s, mt);
+    const float8 m11 = lanes_dot(t, mt) + pull;
+    const struct vec3x8 c = {g.x + pull * edge.x / 2, g.y + pull * edge.y / 2,
+                             g.z + pull * edge.z / 2};
+    const float8 g0 = lanes_dot(s, c) - height * lanes_dot(u, ms);
+    const float8 g1 = lanes_dot(t, c) - height * lanes_dot(u, mt);
+    const float8 determinant = 1 / (m00 * m11 - m01 * m01);
+    float8 p = (m11 * g0 - m01 * g1) * determinant;
+    float8 q = (m00 * g1 - m01 * g0) * determinant;
+    /* what the pull did where it was not meant: what is left to solve is the pull itself */
+    float8 dp = p - lanes_dot(s, edge) / 2, dq = q - lanes_dot(t, edge) / 2;
+    for (int round = 0; round < REFINEMENTS; round++) {
+        const float8 rp = pull * dp, rq = pull * dq;
+        dp = (m11 * rp - m01 * rq) * determinant;
+        dq = (m00 * rq - m01 * rp) * determinant;
+        p += dp;
+        q += dq;
     }
-    for (int i = 0; i < LANES; i++)
-        e->cost[i] = cost_at(&fan, rest, e, i, e->at[0][i], e->at[1][i], e->at[2][i]);
+    const struct vec3x8 middle = {edge.x / 2, edge.y / 2, edge.z / 2};
+    const struct vec3x8 away = {height * u.x + p * s.x + q * t.x - middle.x,
+                                height * u.y + p * s.y + q * t.y - middle.y,
+                                height * u.z + p * s.z + q * t.z - middle.z};
+
+    /* too far (or not a number): the middle's foot on the plane, or the middle itself */
+    const int8x32 near = has_plane & (lanes_dot(away, away) <= reach);
+    const float8 lift = height - lanes_dot(u, edge) / 2;
+    const float8 safe_lift = lanes_where(has_plane & (lift * lift <= reach), lift);
+    const struct vec3x8 at = {middle.x + lanes_choose(near, away.x, safe_lift * u.x),
+                              middle.y + lanes_choose(near, away.y, safe_lift * u.y),
+                              middle.z + lanes_choose(near, away.z, safe_lift * u.z)};
+    lanes_store(e->at[0], at.x);
+    lanes_store(e->at[1], at.y);
+    lanes_store(e->at[2], at.z);
+    lanes_store(e->cost, cost_at(&own, &rest, edge, at));
 }
 
 static void place_lanes_scalar(const struct fan *fan, float reach_square, struct edge_lanes *e)
 {
-    place_lanes(*fan, reach_square, e);
+    place_lanes(fan, reach_square, e);
 }
 
 LANES_AVX2 static void place_lanes_avx2(const struct fan *fan, float reach_square,
                                         struct edge_lanes *e)
 {
-    place_lanes(*fan, reach_square, e);
+    place_lanes(fan, reach_square, e);
 }
 
 void edge_lanes_place(enum cpu_level level, const struct fan *fan, float reach_square,
@@ -168,11 +177,11 @@ void edge_lanes_place(enum cpu_level level, const struct fan *fan, float reach_s
 LANES_INLINE void weigh_lanes(const struct fan *fan, struct edge_lanes *e)
 {
     const float own = fan->square[0] + fan->square[3] + fan->square[5];
-    for (int i = 0; i < LANES; i++) {
-        const float squares = own + (e->square[0][i] + e->square[3][i] + e->square[5][i]);
-        const float cost = e->cost[i] / (sqrtf(sqrtf(squares > 0 ? squares : 0)) + 1e-30f);
-        e->cost[i] = cost < 3e38f ? cost : INFINITY;
-    }
+    const float8 squares =
+        own + (lanes_load(e->square[0]) + lanes_load(e->square[3]) + lanes_load(e->square[5]));
+    const float8 root = lanes_sqrt(lanes_sqrt(lanes_where(squares > 0, squares)));
+    const float8 cost = lanes_load(e->cost) / (root + 1e-30f);
+    lanes_store(e->cost, lanes_choose(cost < 3e38f, cost, lanes_all(INFINITY)));
 }
 
 static void weigh_lanes_scalar(const struct fan *fan, struct edge_lanes *e)
@@ -195,12 +204,11 @@ void edge_lanes_weigh(enum cpu_level level, const struct fan *fan, struct edge_l
 
 void edge_lanes_ends(const struct fan *fan, struct edge_lanes *e)
 {
-    float rest[6][LANES], normal[3][LANES];
-    rest_of_fan(e, rest, normal);
-    for (int i = 0; i < LANES; i++) {
-        e->cost_here[i] = cost_at(fan, rest, e, i, 0, 0, 0);
-        e->cost_there[i] = cost_at(fan, rest, e, i, e->edge[0][i], e->edge[1][i], e->edge[2][i]);
-    }
+    const struct forms own = forms_of(fan), rest = rest_of_fan(e);
+    const struct vec3x8 edge = load_lanes(e->edge);
+    const struct vec3x8 here = {lanes_all(0), lanes_all(0), lanes_all(0)};
+    lanes_store(e->cost_here, cost_at(&own, &rest, edge, here));
+    lanes_store(e->cost_there, cost_at(&own, &rest, edge, edge));
 }
 
 /* ---- the border ---- */
@@ -278,9 +286,10 @@ static bool solve3(const double s[6], const double g[3], double x[3])
 void edge_border_place(const struct fan *fan, float reach_square, const struct border_sum *border,
                        double weight, struct edge_lanes *e, unsigned i)
 {
-    float rest_lanes[6][LANES], normal[3][LANES];
+    float rest_lanes[6][LANES];
     double own[6], rest[6], sum[6], g[3], x[3], middle[3], edge[3];
-    rest_of_fan(e, rest_lanes, normal);
+    const struct forms forms = rest_of_fan(e);
+    memcpy(rest_lanes, &forms, sizeof rest_lanes);
     const double length = length_square(e, i), scale = 9 * weight * length;
     for (int k = 0; k < 6; k++) {
         own[k] = (double)fan->square[k];

@@ -55,6 +55,8 @@ const char *chain_file_name(const struct chain_file *file);
 enum status chain_block_read(struct chain_file *file, uint32_t slab, struct chain_block *block)
     MUST_CHECK;
 void chain_block_release(struct chain_file *file, struct chain_block *block);
+/* About how much there is in a block, in no unit: to compare it with the file's others. */
+uint64_t chain_block_work(const struct chain_file *file, uint32_t slab);
 /* Of a block whose arrays are all its own. */
 void chain_block_clear(struct context *ctx, uint32_t stride, struct chain_block *block);
 

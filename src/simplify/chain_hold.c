@@ -109,3 +109,9 @@ bool chain_hold_give(const struct chain_hold *hold, uint32_t slab, struct chain_
     *block = hold->blocks[slab].block;
     return true;
 }
+
+size_t chain_hold_size(const struct chain_hold *hold, uint32_t slab)
+{
+    return hold && slab < hold->slab_count && hold->blocks[slab].memory ? hold->blocks[slab].size
+                                                                        : 0;
+}

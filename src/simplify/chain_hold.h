@@ -30,6 +30,8 @@ enum status chain_hold_take(struct chain_hold *hold, const struct chain_block *b
                             bool *is_held) MUST_CHECK;
 /* The block of a slab, whose arrays stay the hold's; false if it is not held. */
 bool chain_hold_give(const struct chain_hold *hold, uint32_t slab, struct chain_block *block);
+/* The bytes that the block of a slab takes here; 0 if it is not held. `hold` may be NULL. */
+size_t chain_hold_size(const struct chain_hold *hold, uint32_t slab);
 /* Safe on NULL. */
 void chain_hold_clear(struct chain_hold *hold);
 

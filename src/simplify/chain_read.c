@@ -246,3 +246,11 @@ enum status chain_block_read(struct chain_file *file, uint32_t slab, struct chai
     uint64_t most_faces;
     return chain_block_read_counting(file, slab, block, &most_faces);
 }
+
+/* (Held blocks take twice the room.) */
+uint64_t chain_block_work(const struct chain_file *file, uint32_t slab)
+{
+    const struct chain_place *place = file->places + slab;
+    return place->sizes.seams +
+           (place->sizes.block > 0 ? place->sizes.block : chain_hold_size(file->hold, slab) / 2);
+}

@@ -20,26 +20,15 @@ static inline void position_from(const struct collapse *c, uint32_t v, const flo
         out[k] = (double)p[k] - (double)from[k];
 }
 
-LANES_INLINE void look_at(const struct collapse *c, uint32_t w, const float from[3], uint32_t i,
-                          struct vertex_look *look)
-{
-    const struct collapse_vertex *vertex = &c->vertices[w];
-    look->ring.vertices[i] = w;
-    look->flags |= vertex->flags;
-    for (int k = 0; k < 3; k++)
-        look->at[k][i] = vertex->position[k] - from[k];
-}
-
 /* Turns round v. */
 LANES_INLINE void gather(const struct collapse *c, const struct territory *t, uint32_t v,
                          struct vertex_look *look)
 {
-    const uint32_t size = t->end - t->first;
-    const float *from = c->vertices[v].position;
-    const uint32_t first = c->vertices[v].corner;
+    const struct collapse_vertex *vertices = c->vertices;
+    const struct collapse_corner *corners = c->corners;
+    const uint32_t begin = t->first, size = t->end - begin, first = vertices[v].corner;
     struct ring *ring = &look->ring;
-    uint32_t corner = first, count = 0, last;
-    look->flags = c->vertices[v].flags;
+    uint32_t corner = first, count = 0, last, flags = vertices[v].flags;
     look->reaches_out = true;
     ring->count = ring->faces = 0;
     do {
@@ -47,67 +36,123 @@ LANES_INLINE void gather(const struct collapse *c, const struct territory *t, ui
             look->reaches_out = false;
             return;
         }
-        const uint32_t end = c->corners[corner].end;
-        if (end - t->first >= size)
+        const uint32_t end = corners[corner].end;
+        if (end - begin >= size)
             return;
         ring->corners[count] = corner;
-        look_at(c, end, from, count++, look);
+        ring->vertices[count++] = end;
+        flags |= vertices[end].flags;
         last = corner;
-        corner = c->corners[corner].swing;
+        corner = corners[corner].swing;
     } while (corner != first && corner != NO_INDEX);
     const uint32_t faces = count;
     if (corner == NO_INDEX) {
-        const uint32_t end = c->corners[corner_next(last)].end;
-        if (end - t->first >= size)
+        const uint32_t end = corners[corner_next(last)].end;
+        if (end - begin >= size)
             return;
-        look_at(c, end, from, count++, look);
+        ring->vertices[count++] = end;
+        flags |= vertices[end].flags;
     }
     look->reaches_out = false;
+    look->flags = flags;
     ring->faces = faces;
     ring->count = count;
+    /* what stands behind the last is the first again, or v itself, which is at 0 */
+    for (uint32_t i = 0; i < LANES + 1; i++)
+        ring->vertices[count + i] = v;
+    if (faces == count)
+        ring->vertices[count] = ring->vertices[0];
 }
 
-/* The faces between the neighbours of a look that gather() has filled. */
-LANES_INLINE void make_normals(struct vertex_look *look)
+typedef float float4 __attribute__((vector_size(16)));
+
+/* Where two vertices are, side by side, each with a fourth number that says nothing. */
+LANES_INLINE float8 load_places(const struct collapse_vertex *vertices, uint32_t v, uint32_t w)
+{
+    float4 low, high;
+    memcpy(&low, &vertices[v], sizeof low);
+    memcpy(&high, &vertices[w], sizeof high);
+    return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
+}
+
+/* Eight neighbours, relative to v. */
+LANES_INLINE struct vec3x8 eight_places(const struct collapse *c, uint32_t v, const uint32_t *ring)
+{
+    const struct collapse_vertex *p = c->vertices;
+    const float *from = p[v].position;
+    const float8 a = load_places(p, ring[0], ring[4]), b = load_places(p, ring[1], ring[5]);
+    const float8 d = load_places(p, ring[2], ring[6]), e = load_places(p, ring[3], ring[7]);
+    const float8 ab = __builtin_shufflevector(a, b, 0, 8, 1, 9, 4, 12, 5, 13);
+    const float8 de = __builtin_shufflevector(d, e, 0, 8, 1, 9, 4, 12, 5, 13);
+    const float8 ab_z = __builtin_shufflevector(a, b, 2, 10, 3, 11, 6, 14, 7, 15);
+    const float8 de_z = __builtin_shufflevector(d, e, 2, 10, 3, 11, 6, 14, 7, 15);
+    return (struct vec3x8){
+        __builtin_shufflevector(ab, de, 0, 1, 8, 9, 4, 5, 12, 13) - from[0],
+        __builtin_shufflevector(ab, de, 2, 3, 10, 11, 6, 7, 14, 15) - from[1],
+        __builtin_shufflevector(ab_z, de_z, 0, 1, 8, 9, 4, 5, 12, 13) - from[2],
+    };
+}
+
+/* What stands one lane further, `next` behind `v`. */
+LANES_INLINE float8 one_further(float8 v, float8 next)
+{
+    return __builtin_shufflevector(v, next, 1, 2, 3, 4, 5, 6, 7, 8);
+}
+
+LANES_INLINE void store3(float to[3][RING_LANES], uint32_t i, struct vec3x8 v)
+{
+    lanes_store(to[0] + i, v.x);
+    lanes_store(to[1] + i, v.y);
+    lanes_store(to[2] + i, v.z);
+}
+
+/* The places of a ring that gather() has found, and the faces between them. Vectors are stored as
+ * wholes, as they are going to be loaded: what is put together from smaller stores has to wait
+ * until these are done. */
+LANES_INLINE void make_normals(const struct collapse *c, uint32_t v, struct vertex_look *look)
 {
     const struct ring *ring = &look->ring;
-    const bool closed = ring->faces == ring->count;
-    /* one more for the last face, then zeros: lanes beyond the last face have normal 0 */
-    for (int k = 0; k < 3; k++) {
-        lanes_store(&look->at[k][ring->count], lanes_all(0));
-        look->at[k][ring->count] = closed ? look->at[k][0] : 0;
-    }
+    struct vec3x8 a = eight_places(c, v, ring->vertices);
     for (uint32_t i = 0; i < ring->count; i += LANES) {
-        const struct vec3x8 a = lanes_load3(look->at[0] + i, look->at[1] + i, look->at[2] + i);
-        const struct vec3x8 b =
-            lanes_load3(look->at[0] + i + 1, look->at[1] + i + 1, look->at[2] + i + 1);
-        const struct vec3x8 n = lanes_cross(a, b);
-        lanes_store(look->normals[0] + i, n.x);
-        lanes_store(look->normals[1] + i, n.y);
-        lanes_store(look->normals[2] + i, n.z);
+        struct vec3x8 next = {lanes_all(0), lanes_all(0), lanes_all(0)};
+        if (i + LANES <= ring->count)
+            next = eight_places(c, v, ring->vertices + i + LANES);
+        const struct vec3x8 b = {one_further(a.x, next.x), one_further(a.y, next.y),
+                                 one_further(a.z, next.z)};
+        store3(look->at, i, a);
+        store3(look->normals, i, lanes_cross(a, b));
+        store3(look->at, i + LANES, next);
+        a = next;
     }
 }
 
-static void make_normals_scalar(struct vertex_look *look)
+LANES_INLINE void look_round(const struct collapse *c, const struct territory *t, uint32_t v,
+                             struct vertex_look *look)
 {
-    make_normals(look);
+    gather(c, t, v, look);
+    if (look->ring.count > 0)
+        make_normals(c, v, look);
 }
 
-LANES_AVX2 static void make_normals_avx2(struct vertex_look *look)
+static void look_round_scalar(const struct collapse *c, const struct territory *t, uint32_t v,
+                              struct vertex_look *look)
 {
-    make_normals(look);
+    look_round(c, t, v, look);
+}
+
+LANES_AVX2 static void look_round_avx2(const struct collapse *c, const struct territory *t,
+                                       uint32_t v, struct vertex_look *look)
+{
+    look_round(c, t, v, look);
 }
 
 void vertex_look_round(const struct collapse *c, const struct territory *t, uint32_t v,
                        struct vertex_look *look)
 {
-    gather(c, t, v, look);
-    if (look->ring.count == 0)
-        return;
     if (c->level >= CPU_AVX2)
-        make_normals_avx2(look);
+        look_round_avx2(c, t, v, look);
     else
-        make_normals_scalar(look);
+        look_round_scalar(c, t, v, look);
 }
 
 /* Adds v's border edges, positions relative to `origin`, but for the one to `except`. */
@@ -147,34 +192,33 @@ LANES_INLINE void fill_lanes(const struct collapse *c, const struct vertex_edges
                              struct edge_lanes *lanes)
 {
     const struct vertex_look *look = &e->look;
-    const uint32_t left = look->ring.count - first, used = left < LANES ? left : LANES;
-    float8 fans[LANES];
-    for (uint32_t i = 0; i < used; i++) {
-        const struct fan *fan = &c->vertices[look->ring.vertices[first + i]].fan;
+    const uint32_t *ring = look->ring.vertices + first;
+    const bool closed = look->ring.faces == look->ring.count;
+    float8 fans[LANES], last;
+    for (uint32_t i = 0; i < LANES; i++) {
+        const struct fan *fan = &c->vertices[ring[i]].fan;
         fans[i] = lanes_load((const float *)fan); /* eight of its nine numbers */
-        lanes->normal[2][i] = fan->normal[2];
-    }
-    for (uint32_t i = used; i < LANES; i++) {
-        fans[i] = lanes_all(1);
-        lanes->normal[2][i] = 1;
+        last[i] = fan->normal[2];
     }
     lanes_transpose(fans);
     for (int k = 0; k < 6; k++)
         lanes_store(lanes->square[k], fans[k]);
     for (int k = 0; k < 2; k++)
         lanes_store(lanes->normal[k], fans[6 + k]);
+    lanes_store(lanes->normal[2], last);
     /* the last ring vertex's right neighbour in an open ring has the last normal, and its left one
      * is 0 as there is no face beyond */
-    const bool closed = look->ring.faces == look->ring.count;
     for (int k = 0; k < 3; k++) {
         const float *normals = look->normals[k];
+        const float8 left = lanes_load(normals + first);
+        const float before = first > 0 ? normals[first - 1]
+                             : closed  ? normals[look->ring.count - 1]
+                                       : 0;
+        float8 right = __builtin_shufflevector(left, left, 7, 0, 1, 2, 3, 4, 5, 6);
+        right[0] = before;
         lanes_store(lanes->edge[k], lanes_load(look->at[k] + first));
-        lanes_store(lanes->left[k], lanes_load(normals + first));
-        lanes_store(lanes->right[k], lanes_load(normals + (first > 0 ? first - 1 : 0)));
-        if (first == 0) {
-            memmove(lanes->right[k] + 1, lanes->right[k], (LANES - 1) * sizeof(float));
-            lanes->right[k][0] = closed ? normals[look->ring.count - 1] : 0;
-        }
+        lanes_store(lanes->left[k], left);
+        lanes_store(lanes->right[k], right);
     }
 }
 
@@ -248,7 +292,7 @@ LANES_INLINE void evaluate(const struct collapse *c, const struct territory *t, 
     gather(c, t, v, &e->look);
     if (e->look.ring.count == 0)
         return;
-    make_normals(&e->look);
+    make_normals(c, v, &e->look);
     e->reach_square = longest_square(&e->look);
     for (uint32_t first = 0; first < e->look.ring.count; first += LANES) {
         fill_lanes(c, e, first, &lanes);

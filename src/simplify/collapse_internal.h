@@ -99,7 +99,7 @@ struct collapse {
 struct ring {
     uint32_t count; /* of vertices; 0: more than RING_MAX */
     uint32_t faces; /* of faces: count, or count - 1 when open */
-    uint32_t vertices[RING_MAX + 1];
+    uint32_t vertices[RING_LANES]; /* what stands behind the last, vectors need */
     uint32_t corners[RING_MAX + 1];
 };
 
@@ -165,7 +165,7 @@ struct vertex_look {
     struct ring ring;
     uint32_t flags;          /* v's and its neighbours', any */
     bool reaches_out;        /* a neighbour is not of the territory: nothing else is filled in */
-    float at[3][RING_LANES]; /* neighbours; behind the last the first again, or 0 */
+    float at[3][RING_LANES]; /* neighbours; behind the last the first again, or 0, then 0 */
     float normals[3][RING_LANES]; /* of face i, between neighbours i and i + 1; 0 beyond the last */
 };
 

@@ -16,6 +16,7 @@
 #include "simplify/lod_collapse.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
@@ -44,6 +45,12 @@ static const double TOLERANCE_PART = 0.25;
 /* Of the patches' bulge, small_bulge.h. */
 static const double GIVEN_BACK = 0.4;
 
+/* A node that is to be made, and about how much there is to do for it. */
+struct node_job {
+    uint64_t work;
+    uint32_t node;
+};
+
 struct lod {
     struct context *ctx;
     struct chain_file *file;
@@ -58,6 +65,7 @@ struct lod {
     double finest_error;
     struct small_workspace *spaces; /* one a worker */
     struct small_mesh *nodes;       /* of one stage of the tree */
+    struct node_job *jobs;          /* of one stage, the largest first */
     uint64_t *weights;              /* patches below each node */
     uint64_t *built;                /* faces of each block's mesh at first */
     double lost;                    /* of the blocks' meshes, the largest */
@@ -93,6 +101,23 @@ static void choose_fineness(struct lod *lod)
 }
 
 /* ---- one node of the tree ---- */
+
+static int compare_jobs(const void *a, const void *b)
+{
+    const struct node_job *first = a, *second = b;
+    if (first->work != second->work)
+        return first->work > second->work ? -1 : 1;
+    return first->node < second->node ? -1 : 1;
+}
+
+/* Makes `make` of all nodes, in no order that matters: the largest come first, as the last decide
+ * how long all threads but one have nothing to do. */
+static enum status make_nodes(struct lod *lod,
+                              enum status (*make)(void *user, uint64_t job, unsigned worker))
+{
+    qsort(lod->jobs, lod->node_count, sizeof *lod->jobs, compare_jobs);
+    return parallel_for(lod->ctx, lod->node_count, make, lod);
+}
 
 /* Collapses a node that is not the root to what the finest level may need of it. */
 static enum status thin_node(struct lod *lod, uint32_t node)
@@ -144,16 +169,17 @@ static enum status thin_node(struct lod *lod, uint32_t node)
 static enum status make_leaf(void *user, uint64_t job, unsigned worker)
 {
     struct lod *lod = user;
+    const uint32_t slab = lod->jobs[job].node;
     struct chain_block block;
-    enum status status = chain_block_read(lod->file, (uint32_t)job, &block);
+    enum status status = chain_block_read(lod->file, slab, &block);
     if (status != STATUS_OK)
         return status;
     status = small_mesh_build(lod->ctx, &lod->spaces[worker], lod->stride, &block, lod->tolerance,
-                              lod->collapse.subset ? 0 : GIVEN_BACK, &lod->nodes[job]);
-    lod->weights[job] = block.patch_count;
-    lod->built[job] = lod->nodes[job].triangles.face_count;
+                              lod->collapse.subset ? 0 : GIVEN_BACK, &lod->nodes[slab]);
+    lod->weights[slab] = block.patch_count;
+    lod->built[slab] = lod->nodes[slab].triangles.face_count;
     chain_block_release(lod->file, &block);
-    return status == STATUS_OK ? thin_node(lod, (uint32_t)job) : status;
+    return status == STATUS_OK ? thin_node(lod, slab) : status;
 }
 
 static uint32_t parents_of(uint32_t nodes)
@@ -186,7 +212,8 @@ static enum status join_children(void *user, uint64_t job, unsigned worker)
 static enum status thin_parent(void *user, uint64_t job, unsigned worker)
 {
     (void)worker;
-    return thin_node(user, (uint32_t)job);
+    struct lod *lod = user;
+    return thin_node(lod, lod->jobs[job].node);
 }
 
 /* ---- the tree ---- */
@@ -204,7 +231,9 @@ static enum status make_leaves(struct lod *lod)
     for (;;) {
         lod->node_count = lod->info->slab_count;
         lod->span = 1;
-        enum status status = parallel_for(lod->ctx, lod->node_count, make_leaf, lod);
+        for (uint32_t i = 0; i < lod->node_count; i++)
+            lod->jobs[i] = (struct node_job){chain_block_work(lod->file, i), i};
+        enum status status = make_nodes(lod, make_leaf);
         if (status != STATUS_OK)
             return status;
         lod->report->small_faces = 0;
@@ -262,7 +291,9 @@ static enum status join_nodes(struct lod *lod)
         uint64_t largest_out = 0;
         *stage = (struct join_stage){.joins = parents};
         stage->faces_in = count_faces(lod, &stage->largest_in);
-        status = parallel_for(lod->ctx, parents, thin_parent, lod);
+        for (uint32_t i = 0; i < parents; i++)
+            lod->jobs[i] = (struct node_job){lod->nodes[i].triangles.face_count, i};
+        status = make_nodes(lod, thin_parent);
         if (status != STATUS_OK)
             return status;
         stage->faces_out = count_faces(lod, &largest_out);
@@ -330,6 +361,8 @@ enum status lod_collapse(struct context *ctx, struct chain_file *file,
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, slabs, sizeof *lod.nodes, &lod.nodes);
     if (status == STATUS_OK)
+        status = memory_take(ctx, slabs, sizeof *lod.jobs, &lod.jobs);
+    if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, slabs, sizeof *lod.weights, &lod.weights);
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, slabs, sizeof *lod.built, &lod.built);
@@ -347,6 +380,7 @@ enum status lod_collapse(struct context *ctx, struct chain_file *file,
     memory_release(ctx, &lod.spaces, ctx->threads, sizeof *lod.spaces);
     memory_release(ctx, &lod.built, slabs, sizeof *lod.built);
     memory_release(ctx, &lod.weights, slabs, sizeof *lod.weights);
+    memory_release(ctx, &lod.jobs, slabs, sizeof *lod.jobs);
     memory_release(ctx, &lod.nodes, slabs, sizeof *lod.nodes);
     return status;
 }
