@@ -10,6 +10,7 @@
 #define SPBM_BASE_LANES_H
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -38,14 +39,12 @@ LANES_INLINE void lanes_store(float *to, float8 v)
     memcpy(to, &v, sizeof v);
 }
 
-/* (Lane by lane: of a list of eight times the same, gcc 12 makes seven insertions, not a broadcast,
- * where the machine's level is that of the caller alone.) */
+/* (As a shuffle: of a list of eight times the same, or of lanes set one by one, gcc 12 makes seven
+ * insertions, not a broadcast, where the machine's level is that of the caller alone.) */
 LANES_INLINE float8 lanes_all(float x)
 {
-    float8 v = {0};
-    for (int i = 0; i < LANES; i++)
-        v[i] = x;
-    return v;
+    const float8 v = {x};
+    return __builtin_shufflevector(v, v, 0, 0, 0, 0, 0, 0, 0, 0);
 }
 
 /* first, first + 1, ... */
@@ -87,21 +86,40 @@ LANES_INLINE float8 lanes_all_least(float8 v)
     return lanes_least(v, __builtin_shufflevector(v, v, 1, 0, 3, 2, 5, 4, 7, 6));
 }
 
-LANES_INLINE int lanes_any(int8x32 mask)
+/* Four lanes. */
+typedef float float4 __attribute__((vector_size(16)));
+
+LANES_INLINE float4 lanes_low(float8 v)
 {
-    uint64_t words[4];
+    return __builtin_shufflevector(v, v, 0, 1, 2, 3);
+}
+
+LANES_INLINE float4 lanes_high(float8 v)
+{
+    return __builtin_shufflevector(v, v, 4, 5, 6, 7);
+}
+
+/* One bit a lane, of the four of a mask. */
+LANES_INLINE unsigned four_bits(float4 mask)
+{
+#if defined(__x86_64__)
+    return (unsigned)__builtin_ia32_movmskps(mask);
+#else
+    uint32_t words[4];
     memcpy(words, &mask, sizeof words);
-    return (words[0] | words[1] | words[2] | words[3]) != 0;
+    return (words[0] & 1) | (words[1] & 2) | (words[2] & 4) | (words[3] & 8);
+#endif
 }
 
 /* One bit a lane. */
 LANES_INLINE unsigned lanes_bits(int8x32 mask)
 {
-    const int8x32 bits = mask & (int8x32){1, 2, 4, 8, 16, 32, 64, 128};
-    uint64_t words[4];
-    memcpy(words, &bits, sizeof words);
-    words[0] |= words[1] | words[2] | words[3];
-    return (unsigned)(words[0] | words[0] >> 32) & 0xff;
+    return four_bits(lanes_low((float8)mask)) | four_bits(lanes_high((float8)mask)) << 4;
+}
+
+LANES_INLINE bool lanes_any(int8x32 mask)
+{
+    return lanes_bits(mask) != 0;
 }
 
 /* The lane of the lowest bit, of which there is one. */

@@ -549,72 +549,108 @@ void bvh_nearest(const struct bvh *bvh, struct vec3 p, struct nearest *nearest)
 
 /* ---- is any triangle near? ---- */
 
-/* The boxes of a node that are not farther than `bound`, a bit each. */
+/* The boxes of a node that are not farther than `bound`, but for the place `except`: a bit each,
+ * and the place of one of the nearest. */
 struct near_boxes {
-    unsigned all, nearest; /* nearest: of those, one or several as near */
+    unsigned all, nearest;
 };
 
 LANES_INLINE struct near_boxes boxes_within(const struct bvh_node *node, const struct query *query,
-                                            float bound)
+                                            float bound, unsigned except)
 {
     const float8 squares = box_squares(node, query);
-    const int8x32 within = (squares <= bound) & (squares < (float)INFINITY);
+    const int8x32 within =
+        (squares <= bound) & (squares < (float)INFINITY) & (lanes_count_from(0) != (int32_t)except);
+    const unsigned all = lanes_bits(within);
+    if ((all & (all - 1)) == 0)
+        return (struct near_boxes){all, all ? lowest_bit(all) : 0};
     const float8 near = lanes_choose(within, squares, lanes_all(INFINITY));
-    return (struct near_boxes){lanes_bits(within),
-                               lanes_bits(within & (near == lanes_all_least(near)))};
+    return (struct near_boxes){all, lowest_bit(lanes_bits(near == lanes_all_least(near)))};
 }
 
-/* Any triangle that is near enough will do, so that the order matters to the time alone: the
- * nearest box comes first, the others as they are. */
-LANES_INLINE bool near_in_lanes(const struct bvh *bvh, struct vec3 p, double square)
+/* Whether one of a lowest node's triangles is near enough: the nearest box comes first. */
+LANES_INLINE bool leaf_is_near(const struct bvh *bvh, uint32_t leaf, struct near_boxes near,
+                               struct vec3 p, double square)
+{
+    const uint32_t first = leaf * BVH_WIDTH;
+    unsigned others = near.all & ~(1u << near.nearest);
+    for (unsigned next = near.nearest;; others &= others - 1) {
+        const struct triangle t = bvh_triangle(bvh, bvh->order[first + next]);
+        if (triangle_distance_squared(p, &t, NULL) <= square)
+            return true;
+        if (others == 0)
+            return false;
+        next = lowest_bit(others);
+    }
+}
+
+/* Whether a triangle is near enough below a node, but for its child `except` (BVH_WIDTH: none is
+ * left out). Any that is near enough will do, so that the order matters to the time alone: at each
+ * node the nearest box comes first, the others as they are. */
+LANES_INLINE bool below_is_near(const struct bvh *bvh, struct pending start, unsigned except,
+                                const struct query *query, float bound, struct vec3 p,
+                                double square, uint32_t *leaf)
+{
+    struct pending stack[PENDING_MAX];
+    unsigned used = 0;
+    for (struct pending top = start;; top = stack[--used]) {
+        const struct bvh_node *node = &bvh->nodes[bvh->level_first[top.level] + top.node];
+        const struct near_boxes near = boxes_within(node, query, bound, except);
+        except = BVH_WIDTH;
+        if (near.all != 0 && top.level == 0) {
+            if (leaf_is_near(bvh, top.node, near, p, square)) {
+                *leaf = top.node;
+                return true;
+            }
+        } else if (near.all != 0) {
+            const uint32_t first = top.node * BVH_WIDTH;
+            unsigned others = near.all & ~(1u << near.nearest);
+            for (; others != 0; others &= others - 1)
+                stack[used++] = (struct pending){0, first + lowest_bit(others), top.level - 1};
+            stack[used++] = (struct pending){0, first + near.nearest, top.level - 1};
+        }
+        if (used == 0)
+            return false;
+    }
+}
+
+/* From the root down, or from the leaf where the point before was near: up from there, and at each
+ * step down to the other children. */
+LANES_INLINE bool near_in_lanes(const struct bvh *bvh, struct vec3 p, double square, uint32_t *leaf)
 {
     const struct query query = query_of(bvh, p, p);
     const float bound = bound_of(bvh, square);
-    struct pending stack[PENDING_MAX];
-    unsigned used = 0;
-    if (bvh->count > 0)
-        stack[used++] = (struct pending){0, 0, bvh->level_count - 1};
-    while (used > 0) {
-        const struct pending top = stack[--used];
-        const struct bvh_node *node = &bvh->nodes[bvh->level_first[top.level] + top.node];
-        const struct near_boxes near = boxes_within(node, &query, bound);
-        if (near.all == 0)
-            continue;
-        const unsigned nearest = lowest_bit(near.nearest);
-        unsigned others = near.all & ~(1u << nearest);
-        const uint32_t first = top.node * BVH_WIDTH;
-        if (top.level > 0) {
-            for (; others != 0; others &= others - 1)
-                stack[used++] = (struct pending){0, first + lowest_bit(others), top.level - 1};
-            stack[used++] = (struct pending){0, first + nearest, top.level - 1};
-            continue;
-        }
-        for (unsigned boxes = others, next = nearest;;) {
-            const struct triangle t = bvh_triangle(bvh, bvh->order[first + next]);
-            if (triangle_distance_squared(p, &t, NULL) <= square)
-                return true;
-            if (boxes == 0)
-                break;
-            next = lowest_bit(boxes);
-            boxes &= boxes - 1;
-        }
+    if (bvh->count == 0)
+        return false;
+    struct pending at = {0, 0, bvh->level_count - 1};
+    unsigned except = BVH_WIDTH;
+    if (*leaf != UINT32_MAX)
+        at = (struct pending){0, *leaf, 0};
+    for (;;) {
+        if (below_is_near(bvh, at, except, &query, bound, p, square, leaf))
+            return true;
+        if (at.level + 1 == bvh->level_count)
+            return false;
+        except = at.node % BVH_WIDTH;
+        at = (struct pending){0, at.node / BVH_WIDTH, at.level + 1};
     }
-    return false;
 }
 
-static bool near_scalar(const struct bvh *bvh, struct vec3 p, double square)
+static bool near_scalar(const struct bvh *bvh, struct vec3 p, double square, uint32_t *leaf)
 {
-    return near_in_lanes(bvh, p, square);
+    return near_in_lanes(bvh, p, square, leaf);
 }
 
-LANES_AVX2 static bool near_avx2(const struct bvh *bvh, struct vec3 p, double square)
+LANES_AVX2 static bool near_avx2(const struct bvh *bvh, struct vec3 p, double square,
+                                 uint32_t *leaf)
 {
-    return near_in_lanes(bvh, p, square);
+    return near_in_lanes(bvh, p, square, leaf);
 }
 
-bool bvh_is_near(const struct bvh *bvh, struct vec3 p, double square)
+bool bvh_is_near(const struct bvh *bvh, struct vec3 p, double square, uint32_t *leaf)
 {
-    return bvh->level >= CPU_AVX2 ? near_avx2(bvh, p, square) : near_scalar(bvh, p, square);
+    return bvh->level >= CPU_AVX2 ? near_avx2(bvh, p, square, leaf)
+                                  : near_scalar(bvh, p, square, leaf);
 }
 
 void bvh_touching(const struct bvh *bvh, struct vec3 low, struct vec3 high,

@@ -63,8 +63,10 @@ struct nearest {
  */
 void bvh_nearest(const struct bvh *bvh, struct vec3 p, struct nearest *nearest);
 
-/* Whether a triangle's squared distance from `p` is at most `square`. */
-bool bvh_is_near(const struct bvh *bvh, struct vec3 p, double square);
+/* Whether a triangle's squared distance from `p` is at most `square`. *leaf says where to look first,
+ * and then where one was found: a point beside the last one is told in less time.
+ * UINT32_MAX at first; it never matters to the answer. */
+bool bvh_is_near(const struct bvh *bvh, struct vec3 p, double square, uint32_t *leaf);
 
 /* Calls visit(user, triangle) for every triangle whose box touches [low, high], and perhaps for a
  * few more. Visiting ends early when it returns false. */

@@ -64,8 +64,6 @@ LANES_INLINE void gather(const struct collapse *c, const struct territory *t, ui
         ring->vertices[count] = ring->vertices[0];
 }
 
-typedef float float4 __attribute__((vector_size(16)));
-
 /* Where two vertices are, side by side, each with a fourth number that says nothing. */
 LANES_INLINE float8 load_places(const struct collapse_vertex *vertices, uint32_t v, uint32_t w)
 {

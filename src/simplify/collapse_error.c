@@ -63,31 +63,30 @@ LANES_INLINE float8 lanes_next(float8 v)
     return __builtin_shufflevector(v, v, 1, 2, 3, 4, 5, 6, 7, 0);
 }
 
-/* Squared distances of the point p from the faces. (Of neighbouring faces the common edge is looked
- * at once.) */
-LANES_INLINE float8 faces_square(struct vec3x8 p, const struct fan_faces *faces)
+/* Squared distances of the point p from the faces that it is above or below of; FAR from the
+ * others. */
+LANES_INLINE float8 heights_square(struct vec3x8 p, const struct fan_faces *faces)
 {
-    const struct vec3x8 zero = {lanes_all(0), lanes_all(0), lanes_all(0)};
     const struct vec3x8 b = faces->b, c = faces->c, n = lanes_cross(b, c);
-    const float8 left = segment_square(p, zero, b), left_size = lanes_dot(b, b);
-    float8 right, right_size;
-    if (faces->is_last) {
-        right = lanes_next(left);
-        right_size = lanes_next(left_size);
-    } else {
-        right = segment_square(p, zero, c);
-        right_size = lanes_dot(c, c);
-    }
     /* barycentric weights, times the squared normal, of the foot of p */
     const float8 second = lanes_dot(lanes_cross(p, c), n);
     const float8 third = lanes_dot(lanes_cross(b, p), n);
     const float8 square = lanes_dot(n, n);
     const int8x32 above = (second >= 0) & (third >= 0) & (second + third <= square) &
-                          (square > NEEDLE * (left_size * right_size));
+                          (square > NEEDLE * (lanes_dot(b, b) * lanes_dot(c, c)));
     const float8 height = lanes_dot(p, n);
-    const float8 rim = segment_square(p, b, lanes_sub(c, b));
-    return lanes_choose(above, height * height / (square + TINY),
-                        lanes_least(lanes_least(left, right), rim));
+    return lanes_choose(above, height * height / (square + TINY), lanes_all(FAR));
+}
+
+/* Squared distances of the point p from the edges of the faces. (The edge that two have in common
+ * is looked at once.) */
+LANES_INLINE float8 edges_square(struct vec3x8 p, const struct fan_faces *faces)
+{
+    const struct vec3x8 zero = {lanes_all(0), lanes_all(0), lanes_all(0)};
+    const float8 left = segment_square(p, zero, faces->b);
+    const float8 right = faces->is_last ? lanes_next(left) : segment_square(p, zero, faces->c);
+    const float8 rim = segment_square(p, faces->b, lanes_sub(faces->c, faces->b));
+    return lanes_least(lanes_least(left, right), rim);
 }
 
 /* The least of the lanes, and in the first of those that have it, of `places`. */
@@ -103,10 +102,15 @@ LANES_INLINE float least_lane(float8 v, int8x32 places, uint32_t *place)
     return least[0];
 }
 
-/* Least squared distance of p from the triangles that `apex` makes with the edges of the ring, but
- * for those at places `gone`; *place (may be NULL) is that triangle's. */
+/*
+ * Least squared distance of p from the triangles that `apex` makes with the edges of the ring, but
+ * for those at places `gone`; *place (may be NULL) is that triangle's. What is not more than
+ * `enough` need not be exact: mostly the point is above a face, and edges, which are more work,
+ * need not be looked at.
+ */
 LANES_INLINE float nearest_in_lanes(const struct vertex_look *look, const float apex[3],
-                                    const uint32_t gone[2], const float p[3], uint32_t *place)
+                                    const uint32_t gone[2], const float p[3], float enough,
+                                    uint32_t *place)
 {
     const struct vec3x8 top = {lanes_all(apex[0]), lanes_all(apex[1]), lanes_all(apex[2])};
     const struct vec3x8 whole = {lanes_all(p[0]), lanes_all(p[1]), lanes_all(p[2])};
@@ -123,7 +127,10 @@ LANES_INLINE float nearest_in_lanes(const struct vertex_look *look, const float 
             lanes_load3(look->at[0] + first + 1, look->at[1] + first + 1, look->at[2] + first + 1);
         const struct fan_faces faces = {lanes_sub(b, top), lanes_sub(c, top),
                                         look->ring.faces < first + LANES};
-        const float8 square = faces_square(point, &faces);
+        const float8 heights = heights_square(point, &faces);
+        if (enough >= 0 && lanes_any(counts & (heights <= enough)))
+            return enough;
+        const float8 square = lanes_choose(heights < FAR, heights, edges_square(point, &faces));
         const int8x32 nearer = counts & (square < least);
         least = lanes_choose(nearer, square, least);
         places = (nearer & j) | (~nearer & places);
@@ -132,23 +139,24 @@ LANES_INLINE float nearest_in_lanes(const struct vertex_look *look, const float 
 }
 
 static float nearest_scalar(const struct vertex_look *look, const float apex[3],
-                            const uint32_t gone[2], const float p[3], uint32_t *place)
+                            const uint32_t gone[2], const float p[3], float enough, uint32_t *place)
 {
-    return nearest_in_lanes(look, apex, gone, p, place);
+    return nearest_in_lanes(look, apex, gone, p, enough, place);
 }
 
 LANES_AVX2 static float nearest_avx2(const struct vertex_look *look, const float apex[3],
-                                     const uint32_t gone[2], const float p[3], uint32_t *place)
+                                     const uint32_t gone[2], const float p[3], float enough,
+                                     uint32_t *place)
 {
-    return nearest_in_lanes(look, apex, gone, p, place);
+    return nearest_in_lanes(look, apex, gone, p, enough, place);
 }
 
 static float nearest_square(const struct collapse *c, const struct vertex_look *look,
                             const float apex[3], const uint32_t gone[2], const float p[3],
-                            uint32_t *place)
+                            float enough, uint32_t *place)
 {
-    return c->level >= CPU_AVX2 ? nearest_avx2(look, apex, gone, p, place)
-                                : nearest_scalar(look, apex, gone, p, place);
+    return c->level >= CPU_AVX2 ? nearest_avx2(look, apex, gone, p, enough, place)
+                                : nearest_scalar(look, apex, gone, p, enough, place);
 }
 
 static const float origin[3] = {0, 0, 0};
@@ -181,11 +189,12 @@ void offset_set(struct collapse *c, uint32_t v, float offset)
 /* Squared distance of the point at `place` from the faces at v, round which *look is; infinite when
  * there are too many to look at. */
 static float square_at(const struct collapse *c, uint32_t v, const struct vertex_look *look,
-                       const float place[3])
+                       const float place[3], float enough)
 {
     const float *from = c->vertices[v].position;
     const float p[3] = {place[0] - from[0], place[1] - from[1], place[2] - from[2]};
-    return look->ring.count ? nearest_square(c, look, origin, none_gone, p, NULL) : INFINITY;
+    return look->ring.count ? nearest_square(c, look, origin, none_gone, p, enough, NULL)
+                            : INFINITY;
 }
 
 void vertex_look_freely(const struct collapse *c, uint32_t v, struct vertex_look *look)
@@ -200,13 +209,13 @@ float vertex_square(const struct collapse *c, uint32_t v, const struct vertex_lo
                     const float place[3], float enough)
 {
     struct vertex_look there, other;
-    float nearest = square_at(c, v, look, place);
+    float nearest = square_at(c, v, look, place, enough);
     for (bool nearer = nearest < INFINITY; nearer && nearest > enough;) {
         nearer = false;
         for (uint32_t i = 0; i < look->ring.count && !nearer; i++) {
             const uint32_t w = look->ring.vertices[i];
             vertex_look_freely(c, w, &other);
-            const float square = square_at(c, w, &other, place);
+            const float square = square_at(c, w, &other, place, enough);
             if (square >= nearest)
                 continue;
             nearest = square;
@@ -227,8 +236,9 @@ double vertex_error(const struct collapse *c, uint32_t v, double enough)
     for (int k = 0; k < 3; k++)
         place[k] += c->vertices[v].position[k];
     vertex_look_freely(c, v, &look);
-    const float nearest = vertex_square(c, v, &look, place, (float)(enough * enough));
-    return nearest < INFINITY ? fmax(noted, sqrt((double)nearest)) : noted;
+    const float least = (float)(enough * enough);
+    const float nearest = vertex_square(c, v, &look, place, least);
+    return nearest > least && nearest < INFINITY ? fmax(noted, sqrt((double)nearest)) : noted;
 }
 
 /* ---- an edge ---- */
@@ -261,7 +271,7 @@ static float square_after(const struct collapse *c, const struct edge_change *ch
         const int end = first ^ i;
         edge_faces_gone(change, end, gone);
         const float square =
-            nearest_square(c, change->looks[end], change->to[end], gone, p->at[end], NULL);
+            nearest_square(c, change->looks[end], change->to[end], gone, p->at[end], enough, NULL);
         nearest = square < nearest ? square : nearest;
     }
     return nearest;
@@ -282,7 +292,7 @@ static float square_before(const struct collapse *c, const struct edge_change *c
         const int end = first ^ i;
         uint32_t place = 0;
         const float square = nearest_square(c, change->looks[end], origin, none_gone, p->at[end],
-                                            nearest ? &place : NULL);
+                                            nearest ? -1 : enough, nearest ? &place : NULL);
         if (!(square < least))
             continue;
         least = square;
@@ -496,10 +506,10 @@ float edge_square_after(const struct collapse *c, const struct edge_change *chan
 }
 
 float edge_square_before(const struct collapse *c, const struct edge_change *change, int end,
-                         const float p[3])
+                         const float p[3], float enough)
 {
     const struct point point = point_at(change, end, p);
-    return square_before(c, change, end, &point, 0, NULL);
+    return square_before(c, change, end, &point, enough, NULL);
 }
 
 void edge_find_error(const struct collapse *c, const struct edge_change *change, double enough,

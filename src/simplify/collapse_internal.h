@@ -156,6 +156,7 @@ struct territory {
     uint64_t error_count;   /* collapses that were measured, and */
     uint64_t refused_count; /* edges that wait because of their error */
     bool held_back;
+    uint32_t leaf; /* of the reference's tree, where to look first: bvh_is_near() */
 };
 
 /* ---- collapse_cost.c ---- */
@@ -249,11 +250,11 @@ double vertex_error(const struct collapse *collapse, uint32_t v, double enough);
 bool edge_is_rim(const struct collapse *collapse, const struct edge_change *change, int end,
                  uint32_t j);
 /* Squared distance of p, relative to the vertex at that end, from the faces that there will be and
- * from those that are there. */
+ * from those that are there. What is not more than `enough` need not be exact. */
 float edge_square_after(const struct collapse *collapse, const struct edge_change *change, int end,
                         const float p[3], float enough);
 float edge_square_before(const struct collapse *collapse, const struct edge_change *change, int end,
-                         const float p[3]);
+                         const float p[3], float enough);
 /* The faces round v, wherever they are. */
 void vertex_look_freely(const struct collapse *collapse, uint32_t v, struct vertex_look *look);
 /* Squared distance of the point at `place` from the faces at v, round which *look is, and, going
@@ -278,9 +279,9 @@ uint64_t reference_most_faces(const struct collapse *collapse);
 /* `gone` has been merged into `kept`. */
 void reference_merge(struct collapse *collapse, uint32_t kept, uint32_t gone);
 /* Whether surface and reference are within `bound` of each other round the edge after its collapse,
- * in both directions and at some points. */
+ * in both directions and at some points. *leaf as in bvh_is_near(). */
 bool reference_allows(const struct collapse *collapse, const struct edge_change *change,
-                      double bound);
+                      double bound, uint32_t *leaf);
 /* ---- collapse_measure.c ---- */
 
 /* The largest distance between the surface and the reference, and of the witnesses from the

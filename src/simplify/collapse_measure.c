@@ -152,6 +152,7 @@ static double search_all(const struct collapse *c, const struct boxes *boxes, st
 struct piece {
     uint32_t first_vertex, end_vertex;
     uint32_t first_face, end_face;
+    uint32_t leaf; /* of the reference's tree, bvh_is_near() */
     double largest;
 };
 
@@ -193,14 +194,14 @@ static double find_mean_edge(const struct reference *r)
 
 /* ---- from the surface to the reference ---- */
 
-/* The point's distance from the reference if it is more than `largest`, else `largest`. */
-static double larger_distance(const struct collapse *c, struct vec3 p, double largest)
+/* Makes the piece's largest distance the point's from the reference, if that is more. */
+static void measure_from(const struct collapse *c, struct vec3 p, struct piece *piece)
 {
     struct nearest nearest = {INFINITY, UINT32_MAX, {0, 0, 0}};
-    if (bvh_is_near(&c->reference.tree, p, largest * largest))
-        return largest;
+    if (bvh_is_near(&c->reference.tree, p, piece->largest * piece->largest, &piece->leaf))
+        return;
     bvh_nearest(&c->reference.tree, p, &nearest);
-    return sqrt(nearest.distance_squared);
+    piece->largest = sqrt(nearest.distance_squared);
 }
 
 /* Whether the faces at an edge are apart by more than `height` at one of its ends' sides: an edge
@@ -233,8 +234,7 @@ static void measure_surface(const struct measuring *measuring, struct piece *pie
     for (uint32_t v = piece->first_vertex; v < piece->end_vertex; v++)
         if (c->vertices[v].corner != NO_INDEX &&
             fabs((double)offset_get(c, v)) > NOTED_LEAST * piece->largest)
-            piece->largest =
-                larger_distance(c, vec3_load_float(c->vertices[v].position), piece->largest);
+            measure_from(c, vec3_load_float(c->vertices[v].position), piece);
     for (uint32_t i = 3 * piece->first_face; i < 3 * piece->end_face; i++) {
         const uint32_t to = c->corners[i].end;
         if (to == NO_INDEX || (corner_opposite(c, i) < i && corner_opposite(c, i) != NO_INDEX) ||
@@ -244,7 +244,7 @@ static void measure_surface(const struct measuring *measuring, struct piece *pie
         const struct vec3 b = vec3_load_float(c->vertices[to].position);
         const unsigned parts = count_parts(measuring, a, b);
         for (unsigned k = 1; k < parts; k++)
-            piece->largest = larger_distance(c, edge_point(a, b, k, parts), piece->largest);
+            measure_from(c, edge_point(a, b, k, parts), piece);
     }
 }
 
@@ -257,7 +257,8 @@ static void measure_point(const struct measuring *measuring, uint32_t v,
     const struct collapse *c = measuring->collapse;
     const float place[3] = {(float)p.x, (float)p.y, (float)p.z};
     const double enough = piece->largest * piece->largest;
-    double square = (double)vertex_square(c, v, look, place, (float)enough);
+    const float most = (float)enough, less = (double)most > enough ? nextafterf(most, 0) : most;
+    double square = (double)vertex_square(c, v, look, place, less);
     if (!(square < INFINITY) || square <= enough)
         return;
     square = search_all(c, &measuring->boxes, p, square, enough);
@@ -345,7 +346,7 @@ static uint32_t find_suspect(const struct collapse *c, const struct piece *piece
 enum status reference_error(const struct collapse *c, double *error)
 {
     struct measuring measuring = {.collapse = c, .mean_edge = find_mean_edge(&c->reference)};
-    double largest = c->typical_error;
+    struct piece suspects = {.leaf = UINT32_MAX, .largest = c->typical_error};
     for (uint32_t i = 0; i < PIECES; i++) {
         struct piece *piece = &measuring.pieces[i];
         piece->first_vertex = (uint32_t)(c->vertex_slots * i / PIECES);
@@ -354,10 +355,13 @@ enum status reference_error(const struct collapse *c, double *error)
         piece->end_face = (uint32_t)(c->face_slots * (i + 1) / PIECES);
         const uint32_t suspect = find_suspect(c, piece);
         if (suspect != NO_INDEX)
-            largest = larger_distance(c, vec3_load_float(c->vertices[suspect].position), largest);
+            measure_from(c, vec3_load_float(c->vertices[suspect].position), &suspects);
     }
-    for (uint32_t i = 0; i < PIECES; i++)
+    double largest = suspects.largest;
+    for (uint32_t i = 0; i < PIECES; i++) {
+        measuring.pieces[i].leaf = UINT32_MAX;
         measuring.pieces[i].largest = largest;
+    }
     enum status status = boxes_build(c, &measuring.boxes);
     if (status == STATUS_OK)
         status = parallel_for(c->ctx, PIECES, measure_piece, &measuring);

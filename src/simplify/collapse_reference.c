@@ -26,6 +26,8 @@
 /* Faces turn by so little that it does not matter when the new vertex is not this part of the bound
  * from their planes. */
 static const float TURNED_LEAST = 0.25f;
+/* What is less than a number by more than rounding is not as much. */
+static const float BELOW = 0x1.fffffep-1f;
 
 /* ---- taking the copy ---- */
 
@@ -134,21 +136,21 @@ static struct vec3 widened(const float at[3])
     return (struct vec3){(double)at[0], (double)at[1], (double)at[2]};
 }
 
-static bool is_near(const struct collapse *c, const float at[3], double bound)
+static bool is_near(const struct collapse *c, const float at[3], double bound, uint32_t *leaf)
 {
-    return bvh_is_near(&c->reference.tree, widened(at), bound * bound);
+    return bvh_is_near(&c->reference.tree, widened(at), bound * bound, leaf);
 }
 
 /* The new vertex, and the middles of its edges: but for those beside which the faces hardly turn,
  * as these are about as far from the reference as before. */
 static bool new_edges_are_near(const struct collapse *c, const struct edge_change *change,
-                               double bound)
+                               double bound, uint32_t *leaf)
 {
     const float turned = (float)(bound * bound) * TURNED_LEAST * TURNED_LEAST;
     float to[3];
     for (int k = 0; k < 3; k++)
         to[k] = c->vertices[change->v].position[k] + change->to[0][k];
-    if (!is_near(c, to, bound))
+    if (!is_near(c, to, bound, leaf))
         return false;
     for (int end = 0; end < 2; end++) {
         const struct ring *ring = &change->looks[end]->ring;
@@ -162,7 +164,7 @@ static bool new_edges_are_near(const struct collapse *c, const struct edge_chang
                 continue;
             for (int k = 0; k < 3; k++)
                 middle[k] = (to[k] + c->vertices[w].position[k]) / 2;
-            if (!is_near(c, middle, bound))
+            if (!is_near(c, middle, bound, leaf))
                 return false;
         }
     }
@@ -185,16 +187,18 @@ static bool points_are_near(const struct collapse *c, const struct edge_change *
         for (int k = 0; k < 3; k++)
             p[k] = (float)(r->positions[3 * (size_t)u + k] - (double)from[k]);
         const float square = edge_square_after(c, change, end, p, most);
-        if (square > most && !(stays && edge_square_before(c, change, end, p) >= square))
+        if (square > most &&
+            !(stays && edge_square_before(c, change, end, p, square * BELOW) >= square))
             return false;
         u = r->next[u];
     } while (u != owner && ++count < REFERENCE_POINTS_MAX);
     return true;
 }
 
-bool reference_allows(const struct collapse *c, const struct edge_change *change, double bound)
+bool reference_allows(const struct collapse *c, const struct edge_change *change, double bound,
+                      uint32_t *leaf)
 {
-    if (!new_edges_are_near(c, change, bound))
+    if (!new_edges_are_near(c, change, bound, leaf))
         return false;
     for (int end = 0; end < 2; end++) {
         const struct ring *ring = &change->looks[end]->ring;

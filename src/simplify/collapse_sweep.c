@@ -299,15 +299,15 @@ static double usual_error(const struct collapse *c)
 
 /* The error that a collapse is to be judged by. What the estimate finds harmless is believed; else
  * the reference tells, if there is one. */
-static double judge_error(const struct collapse *c, const struct edge_change *change, double bound,
-                          struct edge_error *found)
+static double judge_error(const struct collapse *c, struct territory *t,
+                          const struct edge_change *change, double bound, struct edge_error *found)
 {
     const double offset = fabs((double)found->offset);
     const double error = fmax(found->forward, fmax(offset, found->between));
     if (c->reference.face_count == 0 || found->forward > bound || error <= HARMLESS * bound ||
         error > HOPELESS * bound)
         return error;
-    if (!reference_allows(c, change, bound))
+    if (!reference_allows(c, change, bound, &t->leaf))
         return fmax(error, REFUSED * bound);
     if (offset > bound)
         found->offset = found->offset < 0 ? -(float)bound : (float)bound;
@@ -360,7 +360,7 @@ static enum trial try_edge(struct collapse *c, struct territory *t, uint32_t v,
         edge_guess_error(c, &change, &found);
     else
         edge_find_error(c, &change, fmin(c->typical_error, bound), bound, &found);
-    const double error = judge_error(c, &change, bound, &found);
+    const double error = judge_error(c, t, &change, bound, &found);
     if (error > c->error_bound ||
         (c->error_bound < INFINITY && !edge_keeps_witnesses(c, &change, c->error_bound))) {
         t->held_back = true;
@@ -518,7 +518,8 @@ static enum status sweep_runs(struct shared_sweep *shared, uint64_t count, uint6
         shared->territories[i] =
             (struct territory){.first = (uint32_t)first,
                                .end = (uint32_t)end,
-                               .most_taken = most_taken > 0 ? most_taken - 1 : 0};
+                               .most_taken = most_taken > 0 ? most_taken - 1 : 0,
+                               .leaf = UINT32_MAX};
         first = end;
     }
     enum status status = parallel_for(c->ctx, runs, sweep_job, shared);
@@ -571,7 +572,8 @@ enum status sweep(struct collapse *c, float threshold, uint64_t most_faces)
     if (territories > 0)
         status = sweep_together(c, threshold, territories, most_faces);
     struct territory whole = {.end = (uint32_t)c->vertex_slots,
-                              .most_taken = c->live_faces - most_faces};
+                              .most_taken = c->live_faces - most_faces,
+                              .leaf = UINT32_MAX};
     if (status == STATUS_OK)
         sweep_territory(c, &whole, threshold);
     account_for(c, &whole);

@@ -259,14 +259,24 @@ static void check_touching(const struct mesh *mesh, const struct bvh *tree, uint
     free(seen);
 }
 
-/* Near and not near, with and without the machine's vectors. */
+/* Near and not near, with and without the machine's vectors, from the root and from any leaf. */
 static void check_near(struct bvh *tree, struct vec3 p, double square)
 {
     const enum cpu_level level = tree->level;
+    const uint32_t leaves = (tree->count + BVH_WIDTH - 1) / BVH_WIDTH;
     for (int round = 0; round < 2; round++) {
-        assert_true(bvh_is_near(tree, p, square));
-        assert_true(bvh_is_near(tree, p, 4 * square));
-        assert_false(bvh_is_near(tree, p, square * 0.999999));
+        for (uint32_t from = 0; from <= leaves; from += 1 + leaves / 4) {
+            uint32_t leaf = from < leaves ? from : UINT32_MAX, found = leaf;
+            assert_false(bvh_is_near(tree, p, square * 0.999999, &found));
+            assert_int_equal(found, leaf);
+            assert_true(bvh_is_near(tree, p, square, &leaf));
+            assert_true(leaf < leaves);
+            found = leaf;
+            assert_true(bvh_is_near(tree, p, 4 * square, &found));
+            assert_int_equal(found, leaf);
+        }
+        uint32_t leaf = UINT32_MAX;
+        assert_true(bvh_is_near(tree, p, square, &leaf));
         tree->level = CPU_SCALAR;
     }
     tree->level = level;

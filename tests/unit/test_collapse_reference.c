@@ -190,6 +190,7 @@ static void far_vertices_are_refused(void **state)
         struct collapse *c = collapse_measured(&ctx, number, 2, &faces);
         const struct territory whole = {.end = (uint32_t)c->vertex_slots};
         const float step = 1 / c->unit;
+        uint32_t leaf = UINT32_MAX;
         for (uint32_t v = 0; v < c->vertex_slots; v += 3) {
             struct vertex_look looks[2];
             struct edge_change change = {.v = v, .looks = {&looks[0], &looks[1]}};
@@ -209,10 +210,10 @@ static void far_vertices_are_refused(void **state)
             struct vec3 place = live_position(c, v);
             place = vec3_add(place, vec3_load_float(change.to[0]));
             const double away = distance_from_reference(c, place);
-            assert_false(reference_allows(c, &change, 0.999 * away - 1e-6));
-            assert_true(reference_allows(c, &change, INFINITY));
+            assert_false(reference_allows(c, &change, 0.999 * away - 1e-6, &leaf));
+            assert_true(reference_allows(c, &change, INFINITY, &leaf));
             const double bound = 0.5 / (double)c->unit;
-            if (reference_allows(c, &change, bound)) {
+            if (reference_allows(c, &change, bound, &leaf)) {
                 assert_true(away <= bound * (1 + 1e-5));
                 allowed++;
             } else {
