@@ -7,7 +7,10 @@
 #include "mesh/slab_geometry.h"
 
 #include <math.h>
+#include <string.h>
 
+#include "base/cpu.h"
+#include "base/lanes.h"
 #include "geom/vec.h"
 #include "mesh/survey.h"
 
@@ -66,16 +69,21 @@ enum status frame_find(const struct draft *draft, struct frame *frame)
     return STATUS_OK;
 }
 
-/* ---- measures ---- */
+/* ---- noise ---- */
+
+static inline const float *position_place(const struct slab_scope *scope, const float *own,
+                                          const float *foreign, uint32_t vertex)
+{
+    uint32_t local = vertex - scope->vertex_first;
+    if (local < scope->own_count)
+        return own + 3 * (size_t)local;
+    return foreign + 3 * (size_t)foreign_rank(scope->foreign, scope->foreign_count, vertex);
+}
 
 static inline struct vec3 position_of(const struct slab_scope *scope, const float *own,
                                       const float *foreign, uint32_t vertex)
 {
-    uint32_t local = vertex - scope->vertex_first;
-    if (local < scope->own_count)
-        return vec3_load_float(own + 3 * (size_t)local);
-    uint32_t rank = foreign_rank(scope->foreign, scope->foreign_count, vertex);
-    return vec3_load_float(foreign + 3 * (size_t)rank);
+    return vec3_load_float(position_place(scope, own, foreign, vertex));
 }
 
 /* Adds the square of how far vertex v, at corner 0 of face f, lies off its neighbours. */
@@ -107,9 +115,15 @@ static void add_noise(const struct draft *draft, const struct slab_scope *scope,
     measures->noise_count++;
 }
 
+/* ---- areas and edges ---- */
+
 /* Squares of some faces, whose roots are taken together: a root at a time waits for the one before,
  * and what is put together for a vector just then waits for its stores. */
-enum { ROOTS = 64 };
+enum { ROOTS = 32 /* a multiple of GROUP */, GROUP = 4 };
+
+typedef float float4 __attribute__((vector_size(16)));
+typedef double double4 __attribute__((vector_size(32)));
+typedef int64_t long4 __attribute__((vector_size(32))); /* of comparisons: 0 or -1 */
 
 struct squares {
     double areas[ROOTS]; /* of the cross products, a face */
@@ -118,13 +132,22 @@ struct squares {
     uint32_t edge_count;
 };
 
-static void take_roots(double *values, uint32_t count)
+struct measuring { /* of one slab */
+    const struct draft *draft;
+    const struct slab_scope *scope;
+    const float *own, *foreign;
+    uint32_t last_own; /* the number of own vertices less 1, or 0 */
+    struct squares squares;
+    struct slab_measures sums;
+};
+
+LANES_INLINE void take_roots(double *values, uint32_t count)
 {
     for (uint32_t i = 0; i < count; i++)
         values[i] = sqrt(values[i]);
 }
 
-static void sum_roots(struct squares *squares, struct slab_measures *measures)
+LANES_INLINE void sum_roots(struct squares *squares, struct slab_measures *measures)
 {
     take_roots(squares->areas, squares->face_count);
     take_roots(squares->edges, squares->edge_count);
@@ -146,42 +169,161 @@ static void sum_roots(struct squares *squares, struct slab_measures *measures)
     squares->face_count = squares->edge_count = 0;
 }
 
-void measure_slab(const struct draft *draft, const struct slab_scope *scope, const float *own,
-                  const float *foreign, struct slab_measures *measures)
+/* Rows become columns. */
+LANES_INLINE void transpose(float4 r[4])
 {
-    const uint32_t first = scope->face_first;
-    const uint32_t spacing = scope->face_count / NOISE_SAMPLES + 1;
+    const float4 a = __builtin_shufflevector(r[0], r[1], 0, 4, 1, 5);
+    const float4 b = __builtin_shufflevector(r[0], r[1], 2, 6, 3, 7);
+    const float4 c = __builtin_shufflevector(r[2], r[3], 0, 4, 1, 5);
+    const float4 d = __builtin_shufflevector(r[2], r[3], 2, 6, 3, 7);
+    r[0] = __builtin_shufflevector(a, c, 0, 1, 4, 5);
+    r[1] = __builtin_shufflevector(a, c, 2, 3, 6, 7);
+    r[2] = __builtin_shufflevector(b, d, 0, 1, 4, 5);
+}
+
+/* Four floats from where a position lies, but for the last one of the slab's own, which may have
+ * nothing behind it, and the foreign ones. */
+LANES_INLINE float4 load_position(const struct measuring *m, uint32_t vertex)
+{
+    const uint32_t local = vertex - m->scope->vertex_first;
+    float4 row;
+    if (local < m->last_own) {
+        memcpy(&row, m->own + 3 * (size_t)local, sizeof row);
+    } else {
+        const float *at = position_place(m->scope, m->own, m->foreign, vertex);
+        row = (float4){at[0], at[1], at[2], 0};
+    }
+    return row;
+}
+
+/* Corner k of faces first to first + 3 of the draft. */
+LANES_INLINE void load_corners(const struct measuring *m, size_t first, unsigned k, double4 to[3])
+{
+    float4 rows[GROUP];
+    for (unsigned i = 0; i < GROUP; i++)
+        rows[i] = load_position(m, m->draft->faces[3 * (first + i) + k]);
+    transpose(rows);
+    for (unsigned c = 0; c < 3; c++)
+        to[c] = __builtin_convertvector(rows[c], double4);
+}
+
+LANES_INLINE double4 square_of(const double4 a[3])
+{
+    return a[0] * a[0] + a[1] * a[1] + a[2] * a[2];
+}
+
+LANES_INLINE bool any_zero(double4 a)
+{
+    uint64_t words[GROUP];
+    const long4 is_zero = a == 0;
+    memcpy(words, &is_zero, sizeof words);
+    return (words[0] | words[1] | words[2] | words[3]) != 0;
+}
+
+/* The next edge takes the place of one that is not to be counted: half of them are the
+ * neighbours'. */
+LANES_INLINE void put_edge(struct squares *squares, double square, uint32_t over, size_t f)
+{
+    squares->edges[squares->edge_count] = square;
+    squares->edge_count += over >= f;
+}
+
+/* Faces first to first + 3 of the draft. */
+LANES_INLINE void measure_four(struct measuring *m, size_t first)
+{
+    struct squares *squares = &m->squares;
+    double4 p[3][3], along[3][3], cross[3];
+    double edges[3][GROUP];
+    for (unsigned k = 0; k < 3; k++)
+        load_corners(m, first, k, p[k]);
+    for (unsigned k = 0; k < 3; k++) {
+        for (unsigned c = 0; c < 3; c++)
+            along[k][c] = p[next3(k)][c] - p[k][c];
+        const double4 square = square_of(along[k]);
+        memcpy(edges[k], &square, sizeof square);
+    }
+    for (unsigned c = 0; c < 3; c++)
+        cross[c] = along[0][next3(c)] * along[1][previous3(c)] -
+                   along[0][previous3(c)] * along[1][next3(c)];
+    const double4 square = square_of(cross);
+    memcpy(squares->areas + squares->face_count, &square, sizeof square);
+    squares->face_count += GROUP;
+    if (any_zero(square)) /* as those of tiny ones may be, too */
+        for (unsigned i = 0; i < GROUP; i++)
+            m->sums.zero_area_faces += cross[0][i] == 0 && cross[1][i] == 0 && cross[2][i] == 0;
+    for (unsigned i = 0; i < GROUP; i++) {
+        const uint32_t *over = m->draft->neighbours + 3 * (first + i);
+        for (unsigned k = 0; k < 3; k++)
+            put_edge(squares, edges[k][i], over[k], first + i);
+    }
+}
+
+/* The same for one face. */
+static void measure_face(struct measuring *m, size_t f)
+{
+    struct squares *squares = &m->squares;
+    const uint32_t *face = m->draft->faces + 3 * f, *over = m->draft->neighbours + 3 * f;
+    struct vec3 p[3], along[3];
+    for (int k = 0; k < 3; k++)
+        p[k] = position_of(m->scope, m->own, m->foreign, face[k]);
+    for (unsigned k = 0; k < 3; k++)
+        along[k] = vec3_sub(p[next3(k)], p[k]);
+    struct vec3 cross = vec3_cross(along[0], along[1]);
+    const double square = vec3_dot(cross, cross);
+    squares->areas[squares->face_count++] = square;
+    if (square == 0)
+        m->sums.zero_area_faces += cross.x == 0 && cross.y == 0 && cross.z == 0;
+    for (unsigned k = 0; k < 3; k++)
+        put_edge(squares, vec3_dot(along[k], along[k]), over[k], f);
+}
+
+LANES_INLINE void measure_all(struct measuring *m)
+{
+    const size_t first = m->scope->face_first;
+    const uint32_t count = m->scope->face_count, spacing = count / NOISE_SAMPLES + 1;
     uint32_t sample =
         0; /* the next face for the noise, looked at while its neighbours are at hand */
-    struct squares squares = {.face_count = 0};
-    *measures = (struct slab_measures){0};
-    for (uint32_t i = 0; i < scope->face_count; i++) {
-        const size_t f = (size_t)first + i;
-        const uint32_t *face = draft->faces + 3 * f;
-        const uint32_t *over = draft->neighbours + 3 * f;
-        struct vec3 p[3], along[3];
-        for (int k = 0; k < 3; k++)
-            p[k] = position_of(scope, own, foreign, face[k]);
-        for (unsigned k = 0; k < 3; k++)
-            along[k] = vec3_sub(p[next3(k)], p[k]);
-        struct vec3 cross = vec3_cross(along[0], along[1]);
-        const double square = vec3_dot(cross, cross);
-        squares.areas[squares.face_count++] = square;
-        if (square == 0) /* as that of a tiny one may be, too */
-            measures->zero_area_faces += cross.x == 0 && cross.y == 0 && cross.z == 0;
-        /* Half of the edges are the neighbours', and the next one takes their place. */
-        for (unsigned k = 0; k < 3; k++) {
-            squares.edges[squares.edge_count] = vec3_dot(along[k], along[k]);
-            squares.edge_count += over[k] >= f;
-        }
-        if (squares.face_count == ROOTS)
-            sum_roots(&squares, measures);
+    uint32_t i = 0;
+    for (; i + GROUP <= count; i += GROUP) {
+        measure_four(m, first + i);
+        if (m->squares.face_count == ROOTS)
+            sum_roots(&m->squares, &m->sums);
+        for (; sample < i + GROUP; sample += spacing)
+            add_noise(m->draft, m->scope, m->own, m->foreign, (uint32_t)first + sample, &m->sums);
+    }
+    for (; i < count; i++) {
+        measure_face(m, first + i);
         if (i == sample) {
-            add_noise(draft, scope, own, foreign, first + i, measures);
+            add_noise(m->draft, m->scope, m->own, m->foreign, (uint32_t)first + i, &m->sums);
             sample += spacing;
         }
     }
-    sum_roots(&squares, measures);
+    sum_roots(&m->squares, &m->sums);
+}
+
+static void measure_all_scalar(struct measuring *m)
+{
+    measure_all(m);
+}
+
+LANES_AVX2 static void measure_all_avx2(struct measuring *m)
+{
+    measure_all(m);
+}
+
+void measure_slab(const struct draft *draft, const struct slab_scope *scope, const float *own,
+                  const float *foreign, struct slab_measures *measures)
+{
+    struct measuring m = {.draft = draft,
+                          .scope = scope,
+                          .own = own,
+                          .foreign = foreign,
+                          .last_own = scope->own_count ? scope->own_count - 1 : 0};
+    if (cpu_level(draft->ctx) >= CPU_AVX2)
+        measure_all_avx2(&m);
+    else
+        measure_all_scalar(&m);
+    *measures = m.sums;
 }
 
 void measures_add(struct slab_measures *sum, const struct slab_measures *slab)

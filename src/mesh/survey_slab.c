@@ -11,7 +11,7 @@
  *
  * But where the matching has found a slab plain (slab_match.h), all fans but those at shared
  * vertices are known to be single, and to walk round them would cost more than all the rest. There
- * components are found by spreading from face to face, and only those fans are walked.
+ * components are found by vertices (survey_plain.h), and only those fans are walked.
  */
 #include "mesh/survey_slab.h"
 
@@ -19,9 +19,7 @@
 
 #include "base/forest.h"
 #include "base/memory.h"
-
-enum { CORNER_BITS = 3, AHEAD = 12 };
-static const uint32_t no_component = UINT32_MAX >> CORNER_BITS;
+#include "mesh/survey_plain.h"
 
 /* Room for one more element of a vector. */
 static inline enum status make_room(struct context *ctx, void *list, size_t count, size_t *capacity,
@@ -90,8 +88,8 @@ static bool walk_fan(const struct draft *draft, struct surveyor *s, uint32_t f, 
             /* No branch on what is new, for that can't be guessed. */
             const uint32_t mark = s->marks[at - first], other = mark >> CORNER_BITS;
             s->marks[at - first] = (mark & 7) | component << CORNER_BITS | 1u << corner;
-            faces += other == no_component;
-            if ((other != component) & (other != no_component))
+            faces += other == NO_COMPONENT;
+            if ((other != component) & (other != NO_COMPONENT))
                 forest_join(s->joined, component, other);
         }
         end_face[side] = at;
@@ -155,21 +153,6 @@ static enum status add_fan(const struct draft *draft, struct surveyor *s, struct
     return is_first ? STATUS_OK : add_extra_fan(draft, part, v, f, k);
 }
 
-/* The component of face i, which no walk has passed, begins. */
-static enum status begin_component(struct surveyor *s, uint32_t i)
-{
-    const uint32_t number = s->components.count;
-    enum status status =
-        make_room(s->components.ctx, &s->joined, number, &s->joined_capacity, sizeof *s->joined);
-    if (status == STATUS_OK)
-        status = component_begin(&s->components, i);
-    if (status != STATUS_OK)
-        return status;
-    s->joined[number] = number;
-    s->marks[i] = number << CORNER_BITS;
-    return STATUS_OK;
-}
-
 static enum status find_fans(const struct draft *draft, struct surveyor *s, struct part *part)
 {
     part->fan_count = part->rim_count = part->link_count = 0;
@@ -180,8 +163,8 @@ static enum status find_fans(const struct draft *draft, struct surveyor *s, stru
     enum status status = STATUS_OK;
     for (uint32_t i = 0; i < s->scope->face_count && status == STATUS_OK; i++) {
         unsigned left = ~s->marks[i] & 7; /* walks from a face do not pass its other corners */
-        if (s->marks[i] >> CORNER_BITS == no_component)
-            status = begin_component(s, i);
+        if (s->marks[i] >> CORNER_BITS == NO_COMPONENT)
+            status = surveyor_begin_component(s, i);
         for (; left && status == STATUS_OK; left &= left - 1)
             status = add_fan(draft, s, part, i, (unsigned)__builtin_ctz(left));
     }
@@ -249,119 +232,30 @@ static enum status find_fans_in_labels(const struct draft *draft, struct surveyo
 
 /* ---- a plain slab ---- */
 
-/* Edges over which the slab ends. */
-static void note_ends(struct component *component, const uint32_t *over, uint32_t face_first,
-                      uint32_t face_count)
-{
-    for (unsigned k = 0; k < 3; k++) {
-        if (over[k] == NO_INDEX)
-            component->borders++;
-        else if (over[k] - face_first >= face_count)
-            component->open_id = 0;
-    }
-}
-
-/* All faces that hang together with face i, which is in no component, become one. What is reached
- * is put down and counted only if it is new, so that nothing has to be guessed. */
-static enum status spread(const struct draft *draft, struct surveyor *s, uint32_t i)
-{
-    const uint32_t first = s->scope->face_first, count = s->scope->face_count;
-    const uint32_t number = s->components.count, mark = number << CORNER_BITS;
-    const uint32_t *neighbours = draft->neighbours + 3 * (size_t)first;
-    uint32_t *marks = s->marks, *queue = s->queue;
-    uint32_t head = 0, tail = 1;
-    enum status status = begin_component(s, i);
-    if (status != STATUS_OK)
-        return status;
-    struct component *component = &s->components.list[number];
-    queue[0] = i;
-    for (; head < tail; head++) { /* no walk has passed a corner yet: marks are components only */
-        const uint32_t *over = neighbours + 3 * (size_t)queue[head];
-        if (head + AHEAD < tail)
-            __builtin_prefetch(neighbours + 3 * (size_t)queue[head + AHEAD]);
-        bool ends = false;
-        for (unsigned k = 0; k < 3; k++) {
-            const uint32_t there = over[k] - first;
-            if (there >= count) {
-                ends = true;
-                continue;
-            }
-            queue[tail] = there;
-            tail += marks[there] != mark;
-            marks[there] = mark;
-        }
-        if (ends)
-            note_ends(component, over, first, count);
-    }
-    component->faces = tail;
-    return STATUS_OK;
-}
-
-static enum status find_components(const struct draft *draft, struct surveyor *s)
-{
-    enum status status = memory_reserve(draft->ctx, &s->queue, &s->queue_capacity,
-                                        (size_t)s->scope->face_count + 1, sizeof *s->queue);
-    for (uint32_t i = 0, left = s->scope->face_count; left && status == STATUS_OK; i++) {
-        if (s->marks[i] >> CORNER_BITS != no_component)
-            continue;
-        status = spread(draft, s, i);
-        if (status == STATUS_OK)
-            left -= s->components.list[s->components.count - 1].faces;
-    }
-    return status;
-}
-
 /* The fans at shared vertices, in the order of their first corners. */
 static enum status walk_shared(const struct draft *draft, struct surveyor *s, struct part *part)
 {
-    const uint32_t first = s->scope->face_first;
-    const uint32_t *face = draft->faces + 3 * (size_t)first;
     enum status status = STATUS_OK;
-    for (uint32_t i = 0; i < s->scope->face_count && status == STATUS_OK; i++, face += 3) {
-        unsigned shared = 0;
-        for (unsigned k = 0; k < 3; k++)
-            shared |= (unsigned)is_shared(draft, face[k]) << k;
-        for (unsigned left = shared & ~s->marks[i]; left && status == STATUS_OK; left &= left - 1) {
-            const unsigned k = (unsigned)__builtin_ctz(left);
-            status = add_rim_fan(draft, s, part, face[k], first + i, k);
-        }
+    for (uint32_t at = 0; at < s->rim_face_count && status == STATUS_OK; at++) {
+        const uint32_t i = s->rim_faces[at], f = s->scope->face_first + i;
+        const uint32_t *face = draft->faces + 3 * (size_t)f;
+        for (unsigned k = 0; k < 3 && status == STATUS_OK; k++)
+            if (is_shared(draft, face[k]) && !(s->marks[i] >> k & 1))
+                status = add_rim_fan(draft, s, part, face[k], f, k);
     }
     return status;
-}
-
-/* Vertices by the face that uses them first. */
-static void count_vertices(const struct draft *draft, struct surveyor *s)
-{
-    const struct slab_scope *scope = s->scope;
-    struct component *list = s->components.list;
-    const uint32_t *face = draft->faces + 3 * (size_t)scope->face_first;
-    if (s->components.count == 1) {
-        list->vertices = scope->own_count;
-        return;
-    }
-    for (uint32_t i = 0, next = scope->vertex_first; i < scope->face_count; i++, face += 3) {
-        const uint32_t before = next;
-        for (unsigned k = 0; k < 3; k++)
-            next += face[k] == next;
-        list[s->marks[i] >> CORNER_BITS].vertices += next - before;
-    }
 }
 
 static enum status walk_rims(const struct draft *draft, struct surveyor *s, struct part *part)
 {
-    const struct slab_scope *scope = s->scope;
     s->finds_components = false;
     part->fan_count = part->rim_count = part->link_count = 0;
-    part->shared_vertices = 0;
-    for (uint32_t i = 0; i < scope->own_count; i++)
-        part->shared_vertices += is_shared(draft, scope->vertex_first + i);
-    enum status status = find_components(draft, s);
+    enum status status = plain_components(draft, s);
+    part->shared_vertices = s->shared_own;
     if (status == STATUS_OK)
         status = walk_shared(draft, s, part);
-    if (status == STATUS_OK) {
-        count_vertices(draft, s);
+    if (status == STATUS_OK)
         settle_components(s, part);
-    }
     return status;
 }
 
@@ -375,10 +269,10 @@ static enum status walk_all(const struct draft *draft, struct surveyor *s, struc
         return status;
     s->is_labelled = false;
     s->components.count = 0;
-    for (uint32_t i = 0; i < s->scope->face_count; i++)
-        s->marks[i] = no_component << CORNER_BITS;
     if (draft->is_plain && draft->is_plain[s->scope->face_first >> draft->slab_shift])
         return walk_rims(draft, s, part);
+    for (uint32_t i = 0; i < s->scope->face_count; i++)
+        s->marks[i] = NO_COMPONENT << CORNER_BITS;
     s->finds_components = true;
     status = find_fans(draft, s, part);
     if (status == STATUS_OK && s->is_turned)
@@ -526,7 +420,8 @@ void surveyor_clear(struct context *ctx, struct surveyor *s)
 {
     components_clear(&s->components);
     memory_release(ctx, &s->marks, s->mark_capacity, sizeof *s->marks);
-    memory_release(ctx, &s->queue, s->queue_capacity, sizeof *s->queue);
+    memory_release(ctx, &s->said, s->said_capacity, sizeof *s->said);
+    memory_release(ctx, &s->rim_faces, s->rim_face_capacity, sizeof *s->rim_faces);
     memory_release(ctx, &s->joined, s->joined_capacity, sizeof *s->joined);
     memory_release(ctx, &s->seen, s->seen_capacity, 1);
     memory_release(ctx, &s->borders, s->border_capacity, sizeof *s->borders);

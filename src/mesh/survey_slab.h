@@ -36,20 +36,29 @@ struct border_edge { /* in local vertex numbers */
     bool is_used;
 };
 
+/* marks[] of a face: its component << CORNER_BITS | a bit for each corner that a walk has passed.
+ */
+enum { CORNER_BITS = 3 };
+#define NO_COMPONENT (UINT32_MAX >> CORNER_BITS)
+
 struct surveyor {                   /* one a worker */
     const struct slab_scope *scope; /* of the slab in work */
     struct components components;   /* its labels only where is_labelled */
     bool is_labelled;               /* the components were found before the fans, with parities; */
     bool finds_components;          /* or are found by the walks */
     bool is_turned;                 /* a fan has passed faces that run along an edge alike */
-    uint32_t *marks; /* a face: its component << 3 | a bit for each corner that a walk has passed */
+    uint32_t *marks;                /* a face */
     size_t mark_capacity;
     uint32_t *joined; /* a component: the earlier one that it is part of, or itself; in the end its
                          place in the list */
     size_t joined_capacity;
-    uint32_t *queue; /* faces that a component spreads from */
-    size_t queue_capacity;
-    uint8_t *seen; /* the own vertices that have had a fan */
+    uint32_t *said; /* survey_plain.c: an own vertex */
+    size_t said_capacity;
+    uint32_t *rim_faces; /* of a plain slab, ascending: those with a shared vertex */
+    size_t rim_face_capacity;
+    uint32_t rim_face_count;
+    uint32_t shared_own; /* own vertices of a plain slab that are shared */
+    uint8_t *seen;       /* the own vertices that have had a fan */
     size_t seen_capacity;
     struct border_edge *borders;
     size_t border_capacity;

@@ -12,6 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/cpu.h"
 #include "base/memory.h"
 #include "mesh/store.h"
 #include "test_facts.h"
@@ -289,6 +290,25 @@ static void read_slabs(struct store *store, struct stored *s)
     free(used);
 }
 
+/* The store has the same bytes on a machine without vector instructions. */
+static void compare_scalar(const char *input, const char *store, struct import_options options)
+{
+    const char *output = test_path("scalar.store");
+    struct context ctx;
+    context_init(&ctx);
+    ctx.cpu_level_cap = CPU_SCALAR;
+    ctx.threads = 1;
+    assert_int_equal(store_build(&ctx, &input, 1, output, &options, NULL), STATUS_OK);
+    context_clear(&ctx);
+    size_t size, scalar_size;
+    unsigned char *bytes = test_read_file(store, &size);
+    unsigned char *scalar_bytes = test_read_file(output, &scalar_size);
+    assert_int_equal(size, scalar_size);
+    assert_memory_equal(bytes, scalar_bytes, size);
+    free(bytes);
+    free(scalar_bytes);
+}
+
 static void build(const struct shape *shape, unsigned shift, uint64_t working_memory,
                   struct stored *s)
 {
@@ -300,6 +320,8 @@ static void build(const struct shape *shape, unsigned shift, uint64_t working_me
     struct import_options options = {.slab_shift = shift, .working_memory = working_memory};
     memset(s, 0, sizeof *s);
     assert_int_equal(store_build(&ctx, &input, 1, output, &options, &s->info), STATUS_OK);
+    if (shift % 2)
+        compare_scalar(input, output, options);
     if (store_check(&ctx, output) != STATUS_OK)
         fail_msg("store_check: %s", ctx.error);
     struct store *store;

@@ -1,0 +1,213 @@
+/*
+ * What hangs together by edges is a component. To spread from face to face asks each face for its
+ * neighbours, in an order of its own. But in a plain slab the faces at a vertex that no other slab
+ * uses are one fan, and so in one component: whoever has such a vertex needs no neighbours. Faces
+ * are taken in their order; a vertex is new, or it says which component it came into. As vertices
+ * are numbered by first use, nearly all faces have an old one, and nearly all old ones say the
+ * same. Only the faces at shared vertices, few, look at their neighbours.
+ */
+#include "mesh/survey_plain.h"
+
+#include <string.h>
+
+#include "base/forest.h"
+#include "base/memory.h"
+
+/* What is said of an own vertex: its component + 1, or one of these. */
+enum { UNKNOWN = 0, SHARED = 1 << 30 };
+
+enum { RUN = 64 }; /* faces looked at together */
+
+enum status surveyor_begin_component(struct surveyor *s, uint32_t i)
+{
+    const uint32_t number = s->components.count;
+    enum status status = STATUS_OK;
+    if (number == s->joined_capacity)
+        status = memory_reserve(s->components.ctx, &s->joined, &s->joined_capacity,
+                                (size_t)number + 256, sizeof *s->joined);
+    if (status == STATUS_OK)
+        status = component_begin(&s->components, i);
+    if (status != STATUS_OK)
+        return status;
+    s->joined[number] = number;
+    s->marks[i] = number << CORNER_BITS;
+    return STATUS_OK;
+}
+
+/* ---- what is said ---- */
+
+/* Face i comes into the first of the components that are said, which are joined, or a new one;
+ * *saying is what it says from now on. */
+static enum status enter_face(struct surveyor *s, uint32_t i, const uint32_t *sayings,
+                              unsigned count, uint32_t *saying)
+{
+    uint32_t least = UINT32_MAX;
+    for (unsigned k = 0; k < count; k++)
+        least = sayings[k] - 1 < least ? sayings[k] - 1 : least; /* of UNKNOWN: UINT32_MAX */
+    if (least == UINT32_MAX) {
+        *saying = s->components.count + 1;
+        return surveyor_begin_component(s, i);
+    }
+    *saying = least + 1;
+    s->marks[i] = least << CORNER_BITS;
+    for (unsigned k = 0; k < count; k++)
+        if (sayings[k] != UNKNOWN && sayings[k] != *saying)
+            forest_join(s->joined, least, sayings[k] - 1);
+    return STATUS_OK;
+}
+
+/* A face that has a shared vertex hears its other vertices, and its neighbours before it. */
+static enum status enter_rim_face(const struct draft *draft, struct surveyor *s, uint32_t i)
+{
+    const struct slab_scope *scope = s->scope;
+    const size_t at = 3 * ((size_t)scope->face_first + i);
+    uint32_t sayings[6] = {UNKNOWN}, saying;
+    uint32_t *alone[3];
+    unsigned alone_count = 0;
+    if (s->rim_face_count == s->rim_face_capacity) {
+        enum status status = memory_reserve(draft->ctx, &s->rim_faces, &s->rim_face_capacity,
+                                            (size_t)s->rim_face_count + 1024, sizeof *s->rim_faces);
+        if (status != STATUS_OK)
+            return status;
+    }
+    s->rim_faces[s->rim_face_count++] = i;
+    for (unsigned k = 0; k < 3; k++) {
+        const uint32_t own = draft->faces[at + k] - scope->vertex_first;
+        const uint32_t there = draft->neighbours[at + k] - scope->face_first;
+        if (own < scope->own_count && s->said[own] != SHARED) {
+            sayings[k] = s->said[own];
+            alone[alone_count++] = &s->said[own];
+        }
+        if (there < i)
+            sayings[3 + k] = (s->marks[there] >> CORNER_BITS) + 1;
+    }
+    enum status status = enter_face(s, i, sayings, 6, &saying);
+    for (unsigned k = 0; k < alone_count; k++)
+        *alone[k] = saying;
+    return status;
+}
+
+/* All vertices of which something is said say the same; that they don't, or nothing is said, is
+ * rare and so guessed right. */
+static inline bool is_agreed(uint32_t a, uint32_t b, uint32_t c, uint32_t *saying)
+{
+    uint32_t least = a - 1 < b - 1 ? a - 1 : b - 1, most = a > b ? a : b; /* of UNKNOWN: the end */
+    least = c - 1 < least ? c - 1 : least;
+    most = c > most ? c : most;
+    *saying = most;
+    return (most - 1 == least) && most != UNKNOWN;
+}
+
+static enum status enter_faces(const struct draft *draft, struct surveyor *s)
+{
+    const uint32_t first = s->scope->vertex_first, own = s->scope->own_count;
+    const uint32_t *face = draft->faces + 3 * (size_t)s->scope->face_first;
+    uint32_t *said = s->said, *marks = s->marks;
+    const uint32_t count = s->scope->face_count;
+    enum status status = STATUS_OK;
+    for (uint32_t i = 0; i < count && status == STATUS_OK; i++, face += 3) {
+        const uint32_t a = face[0] - first, b = face[1] - first, c = face[2] - first;
+        uint32_t saying;
+        if (!((a < own) & (b < own) & (c < own)) || ((said[a] | said[b] | said[c]) & SHARED)) {
+            status = enter_rim_face(draft, s, i);
+            continue;
+        }
+        if (is_agreed(said[a], said[b], said[c], &saying))
+            marks[i] = (saying - 1) << CORNER_BITS;
+        else
+            status = enter_face(s, i, (uint32_t[]){said[a], said[b], said[c]}, 3, &saying);
+        said[a] = said[b] = said[c] = saying;
+    }
+    return status;
+}
+
+/* ---- the whole ---- */
+
+/* Those that are shared say so, the others nothing. */
+static void silence_vertices(const struct draft *draft, struct surveyor *s)
+{
+    const uint32_t first = s->scope->vertex_first, end = first + s->scope->own_count;
+    s->shared_own = 0;
+    if (end > first)
+        memset(s->said, 0, (end - first) * sizeof *s->said);
+    for (uint32_t v = first; v < end;) {
+        if (v % 8 == 0 && draft->shared[v / 8] == 0) {
+            v += 8;
+            continue;
+        }
+        if (is_shared(draft, v)) {
+            s->said[v - first] = SHARED;
+            s->shared_own++;
+        }
+        v++;
+    }
+}
+
+/* Edges over which the slab ends. */
+static void note_ends(const struct draft *draft, struct surveyor *s)
+{
+    const uint32_t first = s->scope->face_first, count = s->scope->face_count;
+    const uint32_t *over = draft->neighbours + 3 * (size_t)first;
+    for (uint32_t i = 0; i < count; i += RUN) {
+        const uint32_t begin = 3 * i, end = 3 * (count - i < RUN ? count : i + RUN);
+        uint32_t any = 0;
+        for (uint32_t e = begin; e < end; e++)
+            any |= over[e] - first >= count;
+        for (uint32_t e = begin; e < end && any; e++) {
+            if (over[e] - first < count)
+                continue;
+            struct component *component = &s->components.list[s->marks[e / 3] >> CORNER_BITS];
+            if (over[e] == NO_INDEX)
+                component->borders++;
+            else
+                component->open_id = 0;
+        }
+    }
+}
+
+static bool is_one_component(struct surveyor *s)
+{
+    for (uint32_t c = 0; c < s->components.count; c++)
+        if (forest_root(s->joined, c) != 0)
+            return false;
+    return true;
+}
+
+/* Faces, and vertices by the face that uses them first. */
+static void count_members(const struct draft *draft, struct surveyor *s)
+{
+    const struct slab_scope *scope = s->scope;
+    struct component *list = s->components.list;
+    const uint32_t *face = draft->faces + 3 * (size_t)scope->face_first;
+    for (uint32_t c = 0; c < s->components.count; c++)
+        list[c].faces = list[c].vertices = 0;
+    if (is_one_component(s)) {
+        list->faces = scope->face_count;
+        list->vertices = scope->own_count;
+        return;
+    }
+    for (uint32_t i = 0, next = scope->vertex_first; i < scope->face_count; i++, face += 3) {
+        const uint32_t before = next;
+        for (unsigned k = 0; k < 3; k++)
+            next += face[k] == next;
+        struct component *component = &list[s->marks[i] >> CORNER_BITS];
+        component->vertices += next - before;
+        component->faces++;
+    }
+}
+
+enum status plain_components(const struct draft *draft, struct surveyor *s)
+{
+    enum status status = memory_reserve(draft->ctx, &s->said, &s->said_capacity,
+                                        s->scope->own_count, sizeof *s->said);
+    s->rim_face_count = 0;
+    if (status != STATUS_OK)
+        return status;
+    silence_vertices(draft, s);
+    status = enter_faces(draft, s);
+    if (status != STATUS_OK)
+        return status;
+    note_ends(draft, s);
+    count_members(draft, s);
+    return STATUS_OK;
+}
