@@ -9,7 +9,7 @@ root=$(cd "$(dirname "$0")/.." && pwd)
 out=$root/build-analyse
 mkdir -p "$out"
 cd "$root"
-scripts/install_missing gcc libc6-dev meson ninja-build pkg-config libdeflate-dev zlib1g-dev \
+scripts/install_missing gcc libc6-dev meson ninja-build pkg-config libdeflate-dev libisal-dev \
     libpng-dev libjansson-dev libcmocka-dev cppcheck
 [ "${1:-}" = quick ] || scripts/install_missing clang clang-tidy valgrind libclang-rt-14-dev python3
 result=0

@@ -6,7 +6,7 @@ root=$(cd "$(dirname "$0")/.." && pwd)
 build=$root/build-count
 cd "$root"
 
-scripts/install_missing gcc libc6-dev binutils meson ninja-build pkg-config libdeflate-dev zlib1g-dev \
+scripts/install_missing gcc libc6-dev binutils meson ninja-build pkg-config libdeflate-dev libisal-dev \
     libpng-dev libjansson-dev python3 valgrind
 [ -f "$build/build.ninja" ] ||
     meson setup "$build" "$root" -Dbuildtype=release -Dtests=disabled -Dbench=enabled >/dev/null

@@ -5,7 +5,7 @@
 set -eu
 root=$(cd "$(dirname "$0")/.." && pwd)
 build=$root/build-cov
-"$root/scripts/install_missing" gcc libc6-dev meson ninja-build pkg-config libdeflate-dev zlib1g-dev \
+"$root/scripts/install_missing" gcc libc6-dev meson ninja-build pkg-config libdeflate-dev libisal-dev \
     libpng-dev libjansson-dev libcmocka-dev python3 python3-numpy gcovr
 if [ ! -f "$build/build.ninja" ]; then
     meson setup "$build" "$root" -Dbuildtype=debug -Doptimization=1 -Db_coverage=true -Dtests=enabled \

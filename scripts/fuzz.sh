@@ -12,7 +12,7 @@ seconds=${1:-20}
 [ $# -gt 0 ] && shift
 
 "$root/scripts/install_missing" clang llvm libclang-rt-14-dev libc6-dev meson ninja-build pkg-config \
-    libdeflate-dev zlib1g-dev libpng-dev libjansson-dev python3
+    libdeflate-dev libisal-dev libpng-dev libjansson-dev python3
 if [ ! -f "$build/build.ninja" ]; then
     CC=clang meson setup "$build" "$root" -Dfuzz=true -Dbench=disabled -Dbuildtype=debugoptimized \
         -Db_sanitize=address,undefined -Db_lundef=false -Dwerror=true

@@ -11,7 +11,7 @@ seconds=${1:-60}
 [ $# -gt 0 ] && shift
 
 "$root/scripts/install_missing" afl++ clang llvm libc6-dev meson ninja-build pkg-config libdeflate-dev \
-    zlib1g-dev libpng-dev libjansson-dev python3
+    libisal-dev libpng-dev libjansson-dev python3
 if [ ! -f "$build/build.ninja" ]; then
     CC=afl-clang-fast meson setup "$build" "$root" -Dbuildtype=release -Dtests=disabled -Dbench=disabled \
         -Dc_args=-DSPBM_ACCEPT_ANY_CHECKSUM

@@ -8,7 +8,7 @@ root=$(cd "$(dirname "$0")/.." && pwd)
 build=$root/build
 
 "$root/scripts/install_missing" gcc libc6-dev meson ninja-build pkg-config \
-    libdeflate-dev zlib1g-dev libpng-dev libjansson-dev
+    libdeflate-dev libisal-dev libpng-dev libjansson-dev
 log=$(mktemp)
 if ! {
     { [ -f "$build/build.ninja" ] ||

@@ -7,7 +7,7 @@ root=$(cd "$(dirname "$0")/.." && pwd)
 build=$root/build-test
 cd "$root"
 
-scripts/install_missing gcc libc6-dev meson ninja-build pkg-config libdeflate-dev zlib1g-dev \
+scripts/install_missing gcc libc6-dev meson ninja-build pkg-config libdeflate-dev libisal-dev \
     libpng-dev libjansson-dev libcmocka-dev python3 python3-numpy
 if [ ! -f "$build/build.ninja" ]; then
     meson setup "$build" "$root" -Dbuildtype=debugoptimized -Db_sanitize=address,undefined \

@@ -5,7 +5,6 @@
 #include "base/checksum.h"
 
 #include <libdeflate.h>
-#include <zlib.h>
 
 uint32_t checksum(uint32_t crc, const void *data, size_t size)
 {
@@ -14,9 +13,28 @@ uint32_t checksum(uint32_t crc, const void *data, size_t size)
     return libdeflate_crc32(crc, data, size);
 }
 
+/* Of two polynomials modulo that of the CRC; the highest bit is the coefficient of x^0. */
+static uint32_t multiply(uint32_t a, uint32_t b)
+{
+    uint32_t product = 0;
+    for (; a; a <<= 1) {
+        product ^= a >> 31 ? b : 0;
+        b = b >> 1 ^ (b & 1 ? 0xedb88320u : 0);
+    }
+    return product;
+}
+
+/* A byte behind a's bytes multiplies their remainder by x^8, and so do all of b's: by x to the
+ * power of 8 b_size, which takes as many multiplications as the size has bits. */
 uint32_t checksum_join(uint32_t a, uint32_t b, uint64_t b_size)
 {
-    return (uint32_t)crc32_combine(a, b, (z_off_t)b_size);
+    uint32_t factor = 1u << 23; /* x^8 */
+    for (; b_size; b_size >>= 1) {
+        if (b_size & 1)
+            a = multiply(factor, a);
+        factor = multiply(factor, factor);
+    }
+    return a ^ b;
 }
 
 bool checksum_agrees(uint32_t found, uint32_t recorded)

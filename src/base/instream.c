@@ -6,8 +6,8 @@
  * kills the program. Here the parser sees a buffer of about 1 MiB, says how much of it it took, and
  * only what it left over (a part of a record) is moved to the front before the next piece is read.
  *
- * What is inflated (gunzip.h) comes into the same buffer; where all of it may be in memory and all
- * of it will be read, the buffer is the whole file, which inflates much quicker.
+ * What is inflated (gunzip.h) comes into the same buffer. Who parses with several threads makes the
+ * buffer larger, and more bytes visible in it while those before them are parsed.
  *
  * Invariants: begin <= end <= capacity; the bytes [begin, end) are visible; [digest_from, begin) of
  * a plain stream are taken but not yet in the digest.
@@ -29,9 +29,8 @@
 enum {
     PIECE = 1 << 20,                /* bytes read at once, at most */
     FIRST_CAPACITY = PIECE + 65536, /* a piece and what may be left over of the one before */
+    INFLATED_PIECE = 128 << 10,     /* the same, of what is inflated */
     LARGEST_RECORD = 64 << 20,
-    WHOLE_MAX = 256 << 20, /* file and what it becomes, when inflated in one piece; */
-    WHOLE_SHARE = 8,       /* and that part of the memory that is left */
     MAGIC_SIZE = 2
 };
 
@@ -52,8 +51,7 @@ struct instream {
     uint32_t digest;
     uint64_t raw_size; /* bytes before digest_from */
 
-    bool is_gzip;          /* inflated by: */
-    struct gunzip *gunzip; /* NULL: in one piece, of raw_size bytes with this digest */
+    struct gunzip *gunzip; /* NULL: plain */
 };
 
 /* ---- opening ---- */
@@ -92,33 +90,8 @@ static enum status read_piece(struct instream *stream, unsigned char *to, size_t
     return status;
 }
 
-/* The buffer becomes the inflated file, if it may. */
-static enum status inflate_whole(struct instream *stream)
-{
-    struct context *ctx = stream->ctx;
-    const uint64_t now = atomic_load(&ctx->memory_now);
-    uint64_t most = ctx->memory_budget > now ? (ctx->memory_budget - now) / WHOLE_SHARE : 0;
-    most = most < WHOLE_MAX ? most : WHOLE_MAX;
-    unsigned char *made;
-    size_t size;
-    enum status status = gunzip_whole(ctx, stream->name, stream->fd, stream->file_size, most, &made,
-                                      &size, &stream->digest);
-    if (status == STATUS_NO_MEMORY) { /* less than the budget: then piece by piece */
-        failure_forget(ctx);
-        return STATUS_OK;
-    }
-    if (status != STATUS_OK || !made)
-        return status;
-    memory_release(ctx, &stream->buffer, stream->capacity, 1);
-    stream->buffer = made;
-    stream->capacity = stream->end = size;
-    stream->raw_size = stream->file_size;
-    stream->ended = true;
-    return STATUS_OK;
-}
-
 /* Reads until the magic of gzip is there or can't be, in reads that a raw buffer holds. */
-static enum status recognise(struct instream *stream, bool is_whole)
+static enum status recognise(struct instream *stream)
 {
     while (stream->end < MAGIC_SIZE && !stream->raw_ended) {
         size_t got;
@@ -130,20 +103,13 @@ static enum status recognise(struct instream *stream, bool is_whole)
     }
     if (stream->end < MAGIC_SIZE || stream->buffer[0] != 0x1f || stream->buffer[1] != 0x8b)
         return STATUS_OK;
-    stream->is_gzip = true;
-    if (is_whole && stream->owns_fd && stream->file_size > 0) {
-        enum status status = inflate_whole(stream);
-        if (status != STATUS_OK || stream->ended)
-            return status;
-    }
     size_t size = stream->end;
     stream->end = 0;
     return gunzip_open(stream->ctx, stream->name, stream->fd, stream->buffer, size,
                        &stream->gunzip);
 }
 
-static enum status open_stream(struct context *ctx, const char *path, bool is_whole,
-                               struct instream **out)
+enum status instream_open(struct context *ctx, const char *path, struct instream **out)
 {
     *out = NULL;
     struct instream *stream;
@@ -163,7 +129,7 @@ static enum status open_stream(struct context *ctx, const char *path, bool is_wh
         status = memory_take(ctx, FIRST_CAPACITY, 1, &stream->buffer);
     if (status == STATUS_OK) {
         stream->capacity = FIRST_CAPACITY;
-        status = recognise(stream, is_whole);
+        status = recognise(stream);
     }
     if (status == STATUS_OK && stream->gunzip) {
         /* Look at the header now, so that a damaged one shows at opening. */
@@ -177,16 +143,6 @@ static enum status open_stream(struct context *ctx, const char *path, bool is_wh
     }
     *out = stream;
     return STATUS_OK;
-}
-
-enum status instream_open(struct context *ctx, const char *path, struct instream **out)
-{
-    return open_stream(ctx, path, true, out);
-}
-
-enum status instream_open_beginning(struct context *ctx, const char *path, struct instream **out)
-{
-    return open_stream(ctx, path, false, out);
 }
 
 void instream_close(struct instream **stream)
@@ -230,9 +186,9 @@ static enum status fill_plain(struct instream *stream)
 
 static enum status fill_gzip(struct instream *stream)
 {
-    size_t got;
+    size_t room = stream->capacity - stream->end, got;
     enum status status = gunzip_read(stream->gunzip, stream->buffer + stream->end,
-                                     stream->capacity - stream->end, &got);
+                                     room < INFLATED_PIECE ? room : INFLATED_PIECE, &got);
     stream->end += got;
     stream->ended = status == STATUS_OK && got == 0;
     return status;
@@ -243,7 +199,7 @@ static enum status fill_gzip(struct instream *stream)
 /* Moves what is visible to the front. */
 static void make_room(struct instream *stream)
 {
-    if (!stream->is_gzip)
+    if (!stream->gunzip)
         digest_taken(stream);
     if (stream->begin == 0)
         return;
@@ -251,6 +207,20 @@ static void make_room(struct instream *stream)
     stream->end -= stream->begin;
     stream->begin = 0;
     stream->digest_from = 0;
+}
+
+static enum status grow(struct instream *stream, size_t capacity)
+{
+    enum status status = memory_resize(stream->ctx, &stream->buffer, stream->capacity, capacity, 1);
+    if (status == STATUS_OK)
+        stream->capacity = capacity;
+    return status;
+}
+
+/* That a piece can be read to. */
+static size_t least_room(const struct instream *stream)
+{
+    return stream->gunzip ? GUNZIP_ROOM : 1;
 }
 
 enum status instream_peek(struct instream *stream, size_t wanted, const unsigned char **data,
@@ -267,14 +237,13 @@ enum status instream_peek(struct instream *stream, size_t wanted, const unsigned
                     (unsigned long long)stream->position);
 
     make_room(stream);
+    const size_t least = least_room(stream);
     while (stream->end < wanted && !stream->ended) {
-        if (stream->end == stream->capacity) {
-            /* Doubling, as the bytes come: a size that a damaged file claims costs nothing. */
-            enum status status = memory_resize(stream->ctx, &stream->buffer, stream->capacity,
-                                               2 * stream->capacity, 1);
+        /* Doubling, as the bytes come: a size that a damaged file claims costs nothing. */
+        if (stream->capacity - stream->end < least) {
+            enum status status = grow(stream, 2 * stream->capacity);
             if (status != STATUS_OK)
                 return status;
-            stream->capacity *= 2;
         }
         enum status status = stream->gunzip ? fill_gzip(stream) : fill_plain(stream);
         if (status != STATUS_OK)
@@ -283,6 +252,38 @@ enum status instream_peek(struct instream *stream, size_t wanted, const unsigned
     *data = stream->buffer;
     *available = stream->end;
     return STATUS_OK;
+}
+
+enum status instream_reserve(struct instream *stream, size_t room, const unsigned char **data,
+                             size_t *available)
+{
+    enum status status = STATUS_OK;
+    if (stream->end - stream->begin < room / 2) {
+        if (stream->capacity - stream->end < room / 2)
+            make_room(stream);
+        if (stream->capacity < room)
+            status = grow(stream, room);
+    }
+    *data = stream->buffer + stream->begin;
+    *available = stream->end - stream->begin;
+    return status;
+}
+
+enum status instream_extend(struct instream *stream, size_t most, size_t *got)
+{
+    const size_t left = stream->capacity - stream->end, room = left < most ? left : most;
+    enum status status = STATUS_OK;
+    *got = 0;
+    if (stream->ended || room < least_room(stream))
+        return STATUS_OK;
+    if (stream->gunzip) {
+        gunzip_read_quietly(stream->gunzip, stream->buffer + stream->end, room, got);
+    } else {
+        status = read_piece(stream, stream->buffer + stream->end, room, got);
+        stream->ended = stream->raw_ended;
+    }
+    stream->end += *got;
+    return status;
 }
 
 void instream_take(struct instream *stream, size_t size)
@@ -299,7 +300,7 @@ uint64_t instream_position(const struct instream *stream)
 bool instream_range(const struct instream *stream, int *fd, uint64_t *position, uint64_t *end)
 {
     struct stat info;
-    if (stream->is_gzip || !stream->owns_fd || stream->file_size == 0 ||
+    if (stream->gunzip || !stream->owns_fd || stream->file_size == 0 ||
         fstat(stream->fd, &info) != 0)
         return false;
     *fd = stream->fd;
@@ -333,25 +334,20 @@ const char *instream_name(const struct instream *stream)
 
 bool instream_is_gzip(const struct instream *stream)
 {
-    return stream->is_gzip;
-}
-
-bool instream_runs_ahead(const struct instream *stream)
-{
-    return stream->gunzip && stream->ctx->threads > 1;
+    return stream->gunzip;
 }
 
 uint32_t instream_digest(const struct instream *stream)
 {
-    if (stream->is_gzip)
-        return stream->gunzip ? gunzip_digest(stream->gunzip) : stream->digest;
+    if (stream->gunzip)
+        return gunzip_digest(stream->gunzip);
     return checksum(stream->digest, stream->buffer + stream->digest_from,
                     stream->begin - stream->digest_from);
 }
 
 uint64_t instream_raw_size(const struct instream *stream)
 {
-    if (stream->is_gzip)
-        return stream->gunzip ? gunzip_raw_size(stream->gunzip) : stream->raw_size;
+    if (stream->gunzip)
+        return gunzip_raw_size(stream->gunzip);
     return stream->raw_size + (stream->begin - stream->digest_from);
 }

@@ -12,10 +12,6 @@ struct instream;
 /* Opens `path` (`-` is standard input). A directory, a missing or unreadable file, or a damaged
  * gzip header is an error with words. */
 enum status instream_open(struct context *ctx, const char *path, struct instream **out) MUST_CHECK;
-/* The same, for who looks at the beginning only: instream_open inflates a small gzip file at once.
- */
-enum status instream_open_beginning(struct context *ctx, const char *path,
-                                    struct instream **out) MUST_CHECK;
 void instream_close(struct instream **stream);
 
 /*
@@ -29,6 +25,17 @@ enum status instream_peek(struct instream *stream, size_t wanted, const unsigned
                           size_t *available) MUST_CHECK;
 /* Takes `size` of the visible bytes. */
 void instream_take(struct instream *stream, size_t size);
+
+/*
+ * For who lets several threads look at what is visible. instream_reserve: a buffer of at least
+ * `room` bytes, of which half or more are visible or may become so by instream_extend; what is
+ * visible may move. instream_extend: at most `most` further bytes behind the visible ones, which do
+ * not move, be it that others look at them or take them (one thread at a time extends). *got 0: the
+ * buffer is full, or the stream at its end, or damaged: instream_peek says so.
+ */
+enum status instream_reserve(struct instream *stream, size_t room, const unsigned char **data,
+                             size_t *available) MUST_CHECK;
+enum status instream_extend(struct instream *stream, size_t most, size_t *got) MUST_CHECK;
 
 /* Position of the next byte in the (inflated) stream; name as given, or "standard input". */
 uint64_t instream_position(const struct instream *stream);
@@ -44,8 +51,6 @@ enum status instream_skip(struct instream *stream, uint64_t size, uint32_t crc) 
 uint64_t instream_file_size(const struct instream *stream);
 const char *instream_name(const struct instream *stream);
 bool instream_is_gzip(const struct instream *stream);
-/* Whether what comes is inflated by another thread. */
-bool instream_runs_ahead(const struct instream *stream);
 /* CRC-32 and count of all raw bytes taken so far (gzip: inflated so far): the provenance. They are
  * those of the whole file once peek has shown the end (*available 0), which a parser that stops
  * early should ask for, taking what is left. */

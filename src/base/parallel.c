@@ -4,7 +4,10 @@
  * Cutting the jobs into one share a thread leaves threads idle when jobs differ; so each thread
  * takes the next number. What that changes from run to run is only who does what and when: results
  * belong to the job's number, and where their order matters (a file written front to back) `finish`
- * is called in that order, by whichever thread finds the next one done, while the others work on.
+ * is called in that order, by whichever thread finds the next one done, while the others work on. A
+ * stream that only one can read at a time is cut into jobs by `begin` in the same way, and who cut
+ * a job works on it: no thread has a part of its own, so all have enough to do whichever part is
+ * long.
  *
  * A thread that is created for each call costs 20 microseconds, and 100 before it runs; where other
  * processes are at work it may be milliseconds, and its end is waited for though it did nothing. To
@@ -31,6 +34,7 @@ struct team {
     struct context *ctx;
     uint64_t jobs;
     uint64_t in_flight; /* at most this many begun and not finished */
+    enum status (*begin)(void *user, uint64_t job, bool *is_end); /* NULL: there is nothing to do */
     enum status (*work)(void *user, uint64_t job, unsigned worker);
     enum status (*finish)(void *user, uint64_t job); /* NULL: a loop, not a pipeline */
     void *user;
@@ -39,6 +43,7 @@ struct team {
     pthread_cond_t changed;
     uint64_t next;     /* job to hand out */
     uint64_t finished; /* jobs [0, finished) are finished (pipeline) */
+    bool is_beginning; /* some thread is in begin(), for job next - 1 */
     bool is_finishing; /* some thread is in finish() */
     bool *is_done;     /* a ring of in_flight flags: work(job) has returned, job % in_flight */
     enum status failed;
@@ -70,10 +75,30 @@ static void note_failure(struct team *team, uint64_t job, enum status status)
     }
 }
 
+/* Calls `begin`, unlocked; the lock is held before and after. False when there is no such job. */
+static bool cut_job(struct team *team, uint64_t job)
+{
+    bool is_end = false;
+    team->is_beginning = true;
+    pthread_mutex_unlock(&team->lock);
+    enum status status = poll_cancel(team->ctx);
+    if (status == STATUS_OK)
+        status = team->begin(team->user, job, &is_end);
+    pthread_mutex_lock(&team->lock);
+    team->is_beginning = false;
+    note_failure(team, job, status);
+    if (status != STATUS_OK || is_end)
+        team->jobs = team->next = job;
+    pthread_cond_broadcast(&team->changed);
+    return status == STATUS_OK && !is_end;
+}
+
 /* Begins the next job and does it, unlocked; the lock is held before and after. Returns which. */
 static uint64_t do_next(struct team *team, unsigned worker)
 {
     const uint64_t job = team->next++;
+    if (team->begin && !cut_job(team, job))
+        return job;
     pthread_mutex_unlock(&team->lock);
     enum status status = poll_cancel(team->ctx);
     if (status == STATUS_OK)
@@ -99,7 +124,8 @@ static bool can_finish(const struct team *team)
 
 static bool can_begin(const struct team *team)
 {
-    return team->next < team->jobs && team->next - team->finished < team->in_flight;
+    return !team->is_beginning && team->next < team->jobs &&
+           team->next - team->finished < team->in_flight;
 }
 
 static void run_pipeline(struct team *team, unsigned worker)
@@ -293,33 +319,55 @@ enum status parallel_for(struct context *ctx, uint64_t jobs,
     return run_team(&team, threads);
 }
 
+static enum status run_in_order(struct team *team)
+{
+    enum status status = STATUS_OK;
+    bool is_end = false;
+    for (uint64_t job = 0; job < team->jobs && status == STATUS_OK && !is_end; job++) {
+        status = poll_cancel(team->ctx);
+        if (status == STATUS_OK && team->begin)
+            status = team->begin(team->user, job, &is_end);
+        if (status == STATUS_OK && !is_end)
+            status = team->work(team->user, job, 0);
+        if (status == STATUS_OK && !is_end)
+            status = team->finish(team->user, job);
+    }
+    return status;
+}
+
+static enum status run_ordered(struct team *team, unsigned in_flight)
+{
+    unsigned threads = useful_threads(team->ctx, team->jobs);
+    if (in_flight > 0 && in_flight < threads)
+        threads = in_flight;
+    if (threads <= 1)
+        return run_in_order(team);
+    team->in_flight = in_flight > 0 ? in_flight : 2 * (uint64_t)threads;
+    const size_t places = (size_t)team->in_flight;
+    enum status status =
+        memory_take_zeroed(team->ctx, places, sizeof *team->is_done, &team->is_done);
+    if (status != STATUS_OK)
+        return status;
+    status = run_team(team, threads);
+    memory_release(team->ctx, &team->is_done, places, sizeof *team->is_done);
+    return status;
+}
+
 enum status parallel_ordered(struct context *ctx, uint64_t jobs, unsigned in_flight,
                              enum status (*work)(void *user, uint64_t job, unsigned worker),
                              enum status (*finish)(void *user, uint64_t job), void *user)
 {
-    unsigned threads = useful_threads(ctx, jobs);
-    if (in_flight > 0 && in_flight < threads)
-        threads = in_flight;
-    if (threads <= 1) {
-        for (uint64_t job = 0; job < jobs; job++) {
-            enum status status = poll_cancel(ctx);
-            if (status == STATUS_OK)
-                status = work(user, job, 0);
-            if (status == STATUS_OK)
-                status = finish(user, job);
-            if (status != STATUS_OK)
-                return status;
-        }
-        return STATUS_OK;
-    }
-
     struct team team = {.ctx = ctx, .jobs = jobs, .work = work, .finish = finish, .user = user};
-    team.in_flight = in_flight > 0 ? in_flight : 2 * (uint64_t)threads;
-    enum status status =
-        memory_take_zeroed(ctx, (size_t)team.in_flight, sizeof *team.is_done, &team.is_done);
-    if (status != STATUS_OK)
-        return status;
-    status = run_team(&team, threads);
-    memory_release(ctx, &team.is_done, (size_t)team.in_flight, sizeof *team.is_done);
-    return status;
+    return run_ordered(&team, in_flight);
+}
+
+enum status parallel_stream(struct context *ctx, unsigned in_flight,
+                            enum status (*begin)(void *user, uint64_t job, bool *is_end),
+                            enum status (*work)(void *user, uint64_t job, unsigned worker),
+                            enum status (*finish)(void *user, uint64_t job), void *user)
+{
+    struct team team = {.ctx = ctx, .jobs = UINT64_MAX, .begin = begin, .user = user};
+    team.work = work;
+    team.finish = finish;
+    return run_ordered(&team, in_flight);
 }

@@ -158,7 +158,7 @@ static enum status probe(struct context *ctx, const char *path, enum mesh_format
     *format = FORMAT_UNKNOWN;
     if (strcmp(path, "-") == 0) /* can be read once only; a store cannot come from there */
         return STATUS_OK;
-    enum status status = instream_open_beginning(ctx, path, &stream);
+    enum status status = instream_open(ctx, path, &stream);
     if (status == STATUS_OK)
         status = import_probe(ctx, stream, format);
     instream_close(&stream);

@@ -143,7 +143,7 @@ enum status mesh_estimate(struct context *ctx, const char *path, struct mesh_est
     context_init(&quiet);
     quiet.memory_budget = ctx->memory_budget;
     quiet.cpu_level_cap = ctx->cpu_level_cap;
-    enum status status = instream_open_beginning(&quiet, path, &stream);
+    enum status status = instream_open(&quiet, path, &stream);
     if (status == STATUS_OK)
         look_at(&quiet, path, stream, estimate);
     instream_close(&stream);

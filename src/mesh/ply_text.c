@@ -3,11 +3,13 @@
  *
  * The format lets a row run over lines and a line hold rows, so the plain way asks for one token
  * after the other, with a look at the window's end and at the property's type each time. Nearly all
- * files have a row a line. So the whole lines of the window are cut into pieces of a fixed size; a
- * piece's rows are those of the lines that begin in it; each is a job, which parses until a line is
- * not one row of numbers; and pieces are handed on in their order. What ends a piece early, be it
- * an unusual layout or an error, is left to the reader of single rows (ply_rows.c), which says what
- * is wrong where, and the pieces begin anew behind what it read: ever later, if that was in vain.
+ * files have a row a line. So whole lines are cut into pieces of at most a fixed size, while the
+ * window is filled, by read or inflating; each piece is a job, which parses until a line is not one
+ * row of numbers; and pieces are handed on in their order. A thread fills and cuts, then parses
+ * what it cut while the next one fills: whichever of the two takes longer, no thread waits for the
+ * other. What ends a piece early, be it an unusual layout or an error, is left to the reader of
+ * single rows (ply_rows.c), which says what is wrong where, and the pieces begin anew behind what
+ * it read: ever later, if that was in vain.
  *
  * Lines are counted by rows, since in what is taken here each is one.
  */
@@ -19,10 +21,10 @@
 #include "base/parallel.h"
 
 enum {
-    PIECE = 64 << 10,  /* bytes of text */
-    WINDOW = 64,       /* pieces in a window that threads share, if memory allows it */
-    WINDOW_SHARE = 64, /* of the memory that is left */
-    LEAST_JOBS = 4,
+    PIECE = 128 << 10,      /* bytes of text */
+    WINDOW = 32,            /* pieces in a window that threads share, if memory allows it */
+    WINDOW_SHARE = 64,      /* of the memory that is left */
+    LEAST_SHARED = 1 << 14, /* rows that are worth a second thread */
     IN_FLIGHT_MAX = 6,
     LEAST_TAKEN = 1024, /* rows; when it was fewer, more rows are read singly the next time */
     MOST_SINGLE = 1 << 20,
@@ -35,10 +37,10 @@ struct field { /* of a vertex */
     uint32_t offset; /* in the record */
 };
 
-struct piece {                        /* in flight */
-    const unsigned char *begin, *end; /* the lines of its rows */
+struct piece {                          /* in flight */
+    const unsigned char *begin, *limit; /* its lines */
+    const unsigned char *end;           /* of those that are rows */
     size_t rows;
-    bool is_whole; /* it ends where the next begins */
     /* vertices */
     bool is_float32;
     double *positions;
@@ -58,8 +60,9 @@ struct reading {
     uint32_t field_count;
     size_t most_rows, most_corners; /* of a piece */
     unsigned in_flight;
+    size_t window; /* bytes, of what threads share */
     struct piece pieces[IN_FLIGHT_MAX];
-    const unsigned char *first, *limit; /* the window's whole lines */
+    const unsigned char *limit; /* in the window: the end of the last piece's lines */
     bool is_stopped;
 };
 
@@ -196,13 +199,32 @@ static const unsigned char *parse_face(const struct reading *r, struct piece *pi
 
 /* ---- a piece ---- */
 
-/* The first line that begins at `at` or behind it. */
-static const unsigned char *line_from(const struct reading *r, const unsigned char *at)
+/* The next whole lines; the end where the window has none and gets no more. */
+static enum status cut_piece(void *user, uint64_t job, bool *is_end)
 {
-    if (at == r->first)
-        return at;
-    const unsigned char *found = memchr(at - 1, '\n', (size_t)(r->limit - (at - 1)));
-    return found + 1;
+    struct reading *r = user;
+    struct text *text = &r->ply->text;
+    struct piece *piece = &r->pieces[job % r->in_flight];
+    const unsigned char *newline = NULL;
+    size_t got = 1;
+    while (!newline && got > 0) {
+        const size_t before = (size_t)(text->end - r->limit);
+        if (before < PIECE) {
+            enum status status = text_extend(text, PIECE, &got);
+            if (status != STATUS_OK)
+                return status;
+        }
+        const size_t size = (size_t)(text->end - r->limit);
+        newline = memrchr(r->limit, '\n', size < PIECE ? size : PIECE);
+        if (before >= PIECE)
+            break;
+    }
+    *is_end = !newline;
+    if (newline) {
+        piece->begin = r->limit;
+        r->limit = piece->limit = newline + 1;
+    }
+    return STATUS_OK;
 }
 
 static enum status parse_piece(void *user, uint64_t job, unsigned worker)
@@ -210,27 +232,22 @@ static enum status parse_piece(void *user, uint64_t job, unsigned worker)
     (void)worker;
     struct reading *r = user;
     struct piece *piece = &r->pieces[job % r->in_flight];
-    const size_t left = (size_t)(r->limit - r->first) - (size_t)job * PIECE;
-    const unsigned char *begin = r->first + (size_t)job * PIECE;
-    const unsigned char *end = begin + (left < PIECE ? left : PIECE);
-    const unsigned char *at = line_from(r, begin);
-    piece->begin = at;
+    const unsigned char *at = piece->begin, *const end = piece->limit;
     piece->rows = piece->corner_count = 0;
     piece->is_float32 = true;
     piece->has_polygons = false;
     while (at < end) {
         const unsigned char *next = NULL;
         if (!r->has_faces)
-            next = parse_vertex(r, piece, at, r->limit);
-        else if (!r->has_only_list || !(next = parse_triangle(r, piece, at, r->limit)))
-            next = parse_face(r, piece, at, r->limit);
+            next = parse_vertex(r, piece, at, end);
+        else if (!r->has_only_list || !(next = parse_triangle(r, piece, at, end)))
+            next = parse_face(r, piece, at, end);
         if (!next)
             break;
         piece->rows++;
         at = next;
     }
     piece->end = at;
-    piece->is_whole = at >= end;
     return STATUS_OK;
 }
 
@@ -289,34 +306,31 @@ static enum status take_piece(void *user, uint64_t job)
         return status;
     ply->text.at = piece->end;
     if (rows < piece->rows) {
-        ply->text.at = piece->begin;
+        const unsigned char *at = piece->begin;
         for (size_t i = 0; i < rows; i++)
-            ply->text.at = line_from(r, ply->text.at + 1);
+            at = (const unsigned char *)memchr(at, '\n', (size_t)(piece->end - at)) + 1;
+        ply->text.at = at;
     }
     ply->text.line += rows;
     ply->row += rows;
-    r->is_stopped = !piece->is_whole || ply->row == ply->element->count;
+    r->is_stopped = piece->end < piece->limit || ply->row == ply->element->count;
     return r->is_stopped ? STATUS_CANCELLED : STATUS_OK; /* ends the loop; no failure is recorded */
 }
 
 /* ---- a window ---- */
 
 /* As many rows as stand on whole lines of the window, until one does not stand on one. */
-static enum status read_window(struct reading *r, bool is_split)
+static enum status read_window(struct reading *r)
 {
-    struct text *text = &r->ply->text;
-    const unsigned char *newline = memrchr(text->at, '\n', text_available(text));
-    if (!newline)
-        return STATUS_OK;
-    r->first = text->at;
-    r->limit = newline + 1;
+    struct ply *ply = r->ply;
+    const bool is_shared = r->in_flight > 1 && ply->element->count - ply->row >= LEAST_SHARED;
+    enum status status = text_reserve(&ply->text, is_shared ? r->window : 2 * PIECE);
+    if (status != STATUS_OK)
+        return status;
+    r->limit = ply->text.at;
     r->is_stopped = false;
-    const uint64_t jobs = ((uint64_t)(r->limit - r->first) + PIECE - 1) / PIECE;
-    const unsigned in_flight = is_split && jobs >= LEAST_JOBS ? r->in_flight : 1;
-    const unsigned before = r->in_flight;
-    r->in_flight = in_flight;
-    enum status status = parallel_ordered(r->ply->ctx, jobs, in_flight, parse_piece, take_piece, r);
-    r->in_flight = before;
+    status = parallel_stream(ply->ctx, is_shared ? r->in_flight : 1, cut_piece, parse_piece,
+                             take_piece, r);
     return status == STATUS_CANCELLED && r->is_stopped ? STATUS_OK : status;
 }
 
@@ -327,36 +341,27 @@ static enum status read_single(struct reading *r, uint64_t rows)
     return r->has_faces ? ply_read_faces(r->ply, end) : ply_read_vertices(r->ply, end);
 }
 
-/* Bytes that are to be in the window. */
-static size_t window_size(const struct reading *r)
+/* Bytes of the window. */
+static size_t window_size(const struct context *ctx)
 {
-    const struct context *ctx = r->ply->ctx;
     const uint64_t now = atomic_load(&ctx->memory_now);
     const uint64_t left = ctx->memory_budget > now ? ctx->memory_budget - now : 0;
     const size_t most = (size_t)WINDOW * PIECE;
-    return left / WINDOW_SHARE > most    ? most
-           : left / WINDOW_SHARE > PIECE ? left / WINDOW_SHARE
-                                         : PIECE;
+    return left / WINDOW_SHARE > most        ? most
+           : left / WINDOW_SHARE > 2 * PIECE ? (size_t)(left / WINDOW_SHARE)
+                                             : 2 * PIECE;
 }
 
 static enum status read_rows(struct reading *r)
 {
     struct ply *ply = r->ply;
-    struct text *text = &ply->text;
-    /* Text that another thread inflates comes slower than one thread parses it. */
-    const bool is_split = r->in_flight > 1 && !instream_runs_ahead(text->stream);
-    const size_t wanted = is_split ? window_size(r) : PIECE;
     uint64_t single = 1;
     while (ply->row < ply->element->count) {
         const uint64_t before = ply->row;
-        enum status status = STATUS_OK;
-        if (text_available(text) < wanted && !text->is_last)
-            status = text_refill(text, wanted);
-        if (status == STATUS_OK)
-            status = read_window(r, is_split);
+        enum status status = read_window(r);
         if (status != STATUS_OK)
             return status;
-        if (!r->is_stopped && ply->row > before && !text->is_last)
+        if (!r->is_stopped && ply->row > before)
             continue;
         single = ply->row - before >= LEAST_TAKEN ? 1 : single < MOST_SINGLE ? 2 * single : single;
         status = read_single(r, single);
@@ -419,6 +424,7 @@ enum status ply_read_lines(struct ply *ply)
     struct reading r = {.ply = ply, .has_faces = ply->index_list >= 0};
     const unsigned threads = ply->ctx->threads;
     r.in_flight = threads < 2 ? 1 : threads + 1 < IN_FLIGHT_MAX ? threads + 1 : IN_FLIGHT_MAX;
+    r.window = window_size(ply->ctx);
     r.field_count = ply->element->property_count;
     r.has_only_list = r.has_faces && r.field_count == 1;
     /* A token takes two bytes, and all rows but the last end in the piece. */

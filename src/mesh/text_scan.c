@@ -25,6 +25,24 @@ enum status text_refill(struct text *text, size_t wanted)
     return status;
 }
 
+enum status text_reserve(struct text *text, size_t room)
+{
+    instream_take(text->stream, (size_t)(text->at - text->begin));
+    text->begin = text->at;
+    size_t available;
+    enum status status = instream_reserve(text->stream, room, &text->begin, &available);
+    text->at = text->begin;
+    text->end = text->begin + available;
+    return status;
+}
+
+enum status text_extend(struct text *text, size_t most, size_t *got)
+{
+    enum status status = instream_extend(text->stream, most, got);
+    text->end += *got;
+    return status;
+}
+
 enum status text_open(struct text *text, struct context *ctx, struct instream *stream,
                       unsigned char comment)
 {

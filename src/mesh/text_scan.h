@@ -39,6 +39,10 @@ void text_close(struct text *text);
 void text_leave(struct text *text);
 /* At least `wanted` bytes from `at` on, or all that are left. */
 enum status text_refill(struct text *text, size_t wanted) MUST_CHECK;
+/* For threads that share the window (instream_reserve, instream_extend): room for so many bytes,
+ * and further bytes behind `end`, while others look at those before it. */
+enum status text_reserve(struct text *text, size_t room) MUST_CHECK;
+enum status text_extend(struct text *text, size_t most, size_t *got) MUST_CHECK;
 
 static inline size_t text_available(const struct text *text)
 {

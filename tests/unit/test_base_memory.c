@@ -403,6 +403,23 @@ static void checksum_is_that_of_gzip(void **state)
         uint32_t parts = checksum(0, data, size / 3);
         parts = checksum(parts, NULL, 0);
         assert_int_equal(checksum(parts, data + size / 3, size - size / 3), whole);
+        uint32_t behind = checksum(0, data + size / 3, size - size / 3);
+        assert_int_equal(checksum_join(parts, behind, size - size / 3), whole);
+    }
+}
+
+/* Also over more bytes than can be summed here: zeros behind, in one step and in two. */
+static void checksums_are_joined_over_any_size(void **state)
+{
+    (void)state;
+    const uint32_t nothing = 0, some = checksum(0, "123456789", 9);
+    assert_int_equal(checksum_join(some, nothing, 0), some);
+    assert_int_equal(checksum_join(nothing, some, 9), some);
+    for (unsigned bits = 0; bits < 63; bits += 7) {
+        const uint64_t size = (uint64_t)1 << bits;
+        const uint32_t half = checksum_join(some, nothing, size);
+        assert_int_equal(checksum_join(half, nothing, size),
+                         checksum_join(some, nothing, 2 * size));
     }
 }
 
@@ -433,7 +450,8 @@ int main(void)
         TEST(injected_failures_come_once),    TEST(first_failure_stays),
         TEST(errno_becomes_status),           TEST(long_texts_are_cut),
         TEST(callbacks_are_called),           TEST(bytes_are_little_endian),
-        TEST(checksum_is_that_of_gzip),       TEST(cpu_level_keeps_to_the_cap),
+        TEST(checksum_is_that_of_gzip),       TEST(checksums_are_joined_over_any_size),
+        TEST(cpu_level_keeps_to_the_cap),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

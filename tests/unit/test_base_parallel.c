@@ -18,6 +18,9 @@ struct board {
     uint64_t most_open;
     uint64_t fail_at; /* work */
     uint64_t fail_finish_at;
+    uint64_t cut; /* jobs that were made on the way, of: */
+    uint64_t jobs, fail_cut_at;
+    _Atomic int cutting;
     unsigned threads;
     _Atomic int wrong;
 };
@@ -56,7 +59,7 @@ static enum status finish(void *user, uint64_t job)
 static struct board *new_board(unsigned threads)
 {
     struct board *board = calloc(1, sizeof *board);
-    board->fail_at = board->fail_finish_at = UINT64_MAX;
+    board->fail_at = board->fail_finish_at = board->fail_cut_at = UINT64_MAX;
     board->threads = threads;
     return board;
 }
@@ -100,6 +103,69 @@ static void results_come_in_order(void **state)
             context_clear(&ctx);
         }
     }
+}
+
+/* ---- jobs that are cut from a stream ---- */
+
+static enum status cut(void *user, uint64_t job, bool *is_end)
+{
+    struct board *board = user;
+    if (board->cutting++ > 0 || job != board->cut || (job < JOBS && board->times[job]))
+        board->wrong++;
+    spin(job + 3);
+    *is_end = job == board->jobs;
+    board->cut += !*is_end;
+    board->cutting--;
+    return job == board->fail_cut_at ? STATUS_IO : STATUS_OK;
+}
+
+static void jobs_may_be_cut_on_the_way(void **state)
+{
+    (void)state;
+    static const uint64_t jobs[] = {0, 1, 2, 3, 300};
+    for (unsigned threads = 1; threads <= 6; threads++)
+        for (unsigned in_flight = 1; in_flight <= 6; in_flight++)
+            for (unsigned n = 0; n < 5; n++) {
+                struct context ctx;
+                context_init(&ctx);
+                ctx.threads = threads;
+                struct board *board = new_board(threads);
+                board->jobs = jobs[n];
+                assert_int_equal(parallel_stream(&ctx, in_flight, cut, work, finish, board),
+                                 STATUS_OK);
+                assert_int_equal(board->cut, jobs[n]);
+                assert_int_equal(board->begun, jobs[n]);
+                assert_int_equal(board->finished, jobs[n]);
+                assert_int_equal(board->wrong, 0);
+                assert_true(board->most_open <= in_flight + 1);
+                assert_int_equal(ctx.memory_now, 0);
+                free(board);
+                context_clear(&ctx);
+            }
+}
+
+static void a_failure_stops_the_cutting(void **state)
+{
+    (void)state;
+    for (unsigned threads = 1; threads <= 4; threads++)
+        for (unsigned where = 0; where < 3; where++) {
+            struct context ctx;
+            context_init(&ctx);
+            ctx.threads = threads;
+            struct board *board = new_board(threads);
+            board->jobs = JOBS;
+            board->fail_cut_at = where == 0 ? 30 : UINT64_MAX;
+            board->fail_at = where == 1 ? 30 : UINT64_MAX;
+            board->fail_finish_at = where == 2 ? 30 : UINT64_MAX;
+            static const enum status wanted[] = {STATUS_IO, STATUS_BAD_INPUT, STATUS_NO_SPACE};
+            assert_int_equal(parallel_stream(&ctx, 3, cut, work, finish, board), wanted[where]);
+            assert_true(board->finished <= 31);
+            assert_true(board->cut <= 31 + 3);
+            assert_int_equal(board->wrong, 0);
+            assert_int_equal(ctx.memory_now, 0);
+            free(board);
+            context_clear(&ctx);
+        }
 }
 
 static void a_failure_stops_the_loop(void **state)
@@ -276,10 +342,11 @@ static void failures_leave_threads(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_job_runs_once),       cmocka_unit_test(results_come_in_order),
-        cmocka_unit_test(a_failure_stops_the_loop),  cmocka_unit_test(no_memory_is_said),
-        cmocka_unit_test(kept_threads_are_the_same), cmocka_unit_test(jobs_have_jobs),
-        cmocka_unit_test(failures_leave_threads),
+        cmocka_unit_test(every_job_runs_once),         cmocka_unit_test(results_come_in_order),
+        cmocka_unit_test(a_failure_stops_the_loop),    cmocka_unit_test(no_memory_is_said),
+        cmocka_unit_test(kept_threads_are_the_same),   cmocka_unit_test(jobs_have_jobs),
+        cmocka_unit_test(failures_leave_threads),      cmocka_unit_test(jobs_may_be_cut_on_the_way),
+        cmocka_unit_test(a_failure_stops_the_cutting),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

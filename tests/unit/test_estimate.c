@@ -4,12 +4,12 @@
  */
 #include "mesh/estimate.h"
 #include "test_kit.h"
+#include "test_gzip.h"
 #include "test_shapes.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <zlib.h>
 
 static struct mesh_estimate estimate_of(const char *path)
 {
@@ -21,14 +21,6 @@ static struct mesh_estimate estimate_of(const char *path)
     assert_int_equal(ctx.memory_now, 0);
     context_clear(&ctx);
     return estimate;
-}
-
-static void write_gzip(const char *path, const void *data, size_t size)
-{
-    gzFile file = gzopen(path, "wb1");
-    assert_non_null(file);
-    assert_int_equal(gzwrite(file, data, (unsigned)size), (int)size);
-    assert_int_equal(gzclose(file), Z_OK);
 }
 
 static void within(uint64_t found, uint64_t right, uint64_t factor)
@@ -67,7 +59,7 @@ static void formats_that_do_not_tell(void **state)
     size_t size;
     unsigned char *data = shape_encode(&shape, SHAPE_OBJ, &size);
     test_write_file(plain, data, size);
-    write_gzip(zipped, data, size);
+    gzip_write(zipped, data, size);
     free(data);
     const char *const paths[] = {plain, zipped};
     for (unsigned i = 0; i < 2; i++) {
@@ -94,7 +86,7 @@ static void claims_are_not_believed(void **state)
         "property list uchar int vertex_indices\nend_header\n0000";
     const char *plain = test_path("lie.ply"), *zipped = test_path("lie.ply.gz");
     test_write_file(plain, text, sizeof text);
-    write_gzip(zipped, text, sizeof text);
+    gzip_write(zipped, text, sizeof text);
     assert_in_range(estimate_of(plain).faces, 0, sizeof text);
     assert_in_range(estimate_of(plain).vertices, 0, 3 * sizeof text);
     assert_in_range(estimate_of(zipped).faces, 0, 1032 * sizeof text);
