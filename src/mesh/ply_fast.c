@@ -11,6 +11,9 @@
 #include <string.h>
 
 #include "base/bytes.h"
+#include "base/lanes.h"
+
+typedef uint32_t word4 __attribute__((vector_size(16)));
 
 static uint32_t load_u32_of(const unsigned char *from, bool is_big)
 {
@@ -123,17 +126,44 @@ static void copy_records(const struct vertex_plan *plan, const unsigned char *ro
     }
 }
 
+/* Where some exponent is all ones, this sets the highest bit. */
+static inline uint32_t exponent_carry(uint32_t bits)
+{
+    return (bits & 0x7fffffff) + 0x00800000;
+}
+
+/* Copies `count` float32 coordinates that lie as they are wanted; false if any is not finite. */
+static bool copy_as_is(const unsigned char *from, size_t count, float *floats)
+{
+    word4 carry = {0};
+    size_t i = 0;
+    for (; i + 4 <= count; i += 4) {
+        word4 bits;
+        memcpy(&bits, from + 4 * i, sizeof bits);
+        memcpy(floats + i, &bits, sizeof bits);
+        carry |= (bits & 0x7fffffff) + 0x00800000;
+    }
+    uint32_t rest = carry[0] | carry[1] | carry[2] | carry[3];
+    for (; i < count; i++) {
+        const uint32_t bits = load_u32(from + 4 * i);
+        memcpy(floats + i, &bits, sizeof bits);
+        rest |= exponent_carry(bits);
+    }
+    return rest < 0x80000000u;
+}
+
 /* Copies float32 coordinates; false if any is not finite. */
 static bool copy_floats(const struct vertex_plan *plan, const unsigned char *rows, size_t count,
                         float *floats)
 {
-    uint32_t carry = 0; /* highest bit: some exponent was all ones */
+    if (!plan->is_big && plan->row_size == 12 && plan->offset[1] == 4 && plan->offset[2] == 8)
+        return copy_as_is(rows, 3 * count, floats);
+    uint32_t carry = 0;
     for (size_t i = 0; i < count; i++, rows += plan->row_size, floats += 3) {
-        uint32_t bits[3] = {load_u32(rows + plan->offset[0]), load_u32(rows + plan->offset[1]),
-                            load_u32(rows + plan->offset[2])};
+        uint32_t bits[3];
         for (unsigned k = 0; k < 3; k++) {
-            bits[k] = plan->is_big ? __builtin_bswap32(bits[k]) : bits[k];
-            carry |= (bits[k] & 0x7fffffff) + 0x00800000;
+            bits[k] = load_u32_of(rows + plan->offset[k], plan->is_big);
+            carry |= exponent_carry(bits[k]);
         }
         memcpy(floats, bits, sizeof bits);
     }
@@ -346,24 +376,40 @@ static enum status take_polygon(struct ply *ply, const struct face_plan *plan)
     return batch_end_face(&ply->batch, size);
 }
 
+/* Corners of triangles in a row; false if a face is none, or if an index has its highest bit while
+ * they are signed. Four words at a time as long as a face follows, which takes the place of the
+ * fourth. */
+LANES_INLINE bool copy_triangles(const struct face_plan *plan, const unsigned char *row,
+                                 size_t count, uint32_t *indices, bool is_big)
+{
+    const size_t row_size = plan->before + 13 + plan->after;
+    word4 words = {0};
+    uint32_t all = 0;
+    unsigned differs = 0;
+    for (; count > 1 && !is_big; count--, row += row_size, indices += 3) {
+        word4 corners;
+        memcpy(&corners, row + 1, sizeof corners);
+        memcpy(indices, &corners, sizeof corners);
+        words |= corners;
+        differs |= row[0] ^ 3u;
+    }
+    for (; count > 0; count--, row += row_size, indices += 3) {
+        const uint32_t corners[3] = {load_u32_of(row + 1, is_big), load_u32_of(row + 5, is_big),
+                                     load_u32_of(row + 9, is_big)};
+        all |= corners[0] | corners[1] | corners[2];
+        differs |= row[0] ^ 3u;
+        memcpy(indices, corners, sizeof corners);
+    }
+    all |= words[0] | words[1] | words[2];
+    return differs == 0 && !(plan->is_signed && all > INT32_MAX);
+}
+
 /* Triangles only, with indices that are not negative. */
 static bool convert_triangles(const void *user, const unsigned char *rows, size_t count, void *made)
 {
     const struct face_plan *plan = user;
-    const size_t row_size = plan->before + 13 + plan->after;
-    const unsigned char *row = rows + plan->before;
-    uint32_t *indices = made, all = 0;
-    unsigned differs = 0;
-    for (size_t i = 0; i < count; i++, row += row_size, indices += 3) {
-        uint32_t corners[3] = {load_u32(row + 1), load_u32(row + 5), load_u32(row + 9)};
-        for (unsigned k = 0; k < 3; k++) {
-            corners[k] = plan->is_big ? __builtin_bswap32(corners[k]) : corners[k];
-            all |= corners[k];
-        }
-        differs |= row[0] ^ 3u;
-        memcpy(indices, corners, sizeof corners);
-    }
-    return differs == 0 && !(plan->is_signed && all > INT32_MAX);
+    return plan->is_big ? copy_triangles(plan, rows + plan->before, count, made, true)
+                        : copy_triangles(plan, rows + plan->before, count, made, false);
 }
 
 static enum status take_converted(struct ply *ply, const void *user, size_t count, void *made)

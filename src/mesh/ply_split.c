@@ -17,7 +17,6 @@
 enum { LEAST_JOBS = 4, IN_FLIGHT_MAX = 6 };
 
 struct slot { /* of a job in flight */
-    unsigned char *rows;
     unsigned char *made;
     uint32_t crc;
     bool is_good;
@@ -30,24 +29,25 @@ struct splitting {
     uint64_t position; /* of the first row */
     unsigned in_flight;
     struct slot slots[IN_FLIGHT_MAX];
-    uint64_t taken;  /* bytes */
-    bool is_stopped; /* at rows that are not what is expected */
-    uint32_t crc;    /* of these */
+    unsigned char *rows[IN_FLIGHT_MAX]; /* of each worker, so that they stay in its cache */
+    uint64_t taken;                     /* bytes */
+    bool is_stopped;                    /* at rows that are not what is expected */
+    uint32_t crc;                       /* of these */
 };
 
 static enum status read_rows(void *user, uint64_t job, unsigned worker)
 {
-    (void)worker;
     struct splitting *s = user;
     const struct ply_split *split = s->split;
     struct slot *slot = &s->slots[job % s->in_flight];
     const size_t size = IMPORT_BATCH * split->row_size;
+    unsigned char *rows = s->rows[worker];
     enum status status = descriptor_read_at(s->ctx, s->fd, split->ply->batch.name,
-                                            s->position + job * size, slot->rows, size);
+                                            s->position + job * size, rows, size);
     if (status != STATUS_OK)
         return status;
-    slot->crc = checksum(0, slot->rows, size);
-    slot->is_good = split->convert(split->plan, slot->rows, IMPORT_BATCH, slot->made);
+    slot->crc = checksum(0, rows, size);
+    slot->is_good = split->convert(split->plan, rows, IMPORT_BATCH, slot->made);
     return STATUS_OK;
 }
 
@@ -72,18 +72,18 @@ static enum status take_rows(void *user, uint64_t job)
 static enum status run(struct splitting *s, uint64_t jobs)
 {
     const struct ply_split *split = s->split;
+    const unsigned threads = s->ctx->threads < s->in_flight ? s->ctx->threads : s->in_flight;
     enum status status = STATUS_OK;
-    for (unsigned i = 0; i < s->in_flight && status == STATUS_OK; i++) {
-        status = memory_take(s->ctx, IMPORT_BATCH, split->row_size, &s->slots[i].rows);
-        if (status == STATUS_OK)
-            status = memory_take(s->ctx, split->made_size, 1, &s->slots[i].made);
-    }
+    for (unsigned i = 0; i < threads && status == STATUS_OK; i++)
+        status = memory_take(s->ctx, IMPORT_BATCH, split->row_size, &s->rows[i]);
+    for (unsigned i = 0; i < s->in_flight && status == STATUS_OK; i++)
+        status = memory_take(s->ctx, split->made_size, 1, &s->slots[i].made);
     if (status == STATUS_OK)
         status = parallel_ordered(s->ctx, jobs, s->in_flight, read_rows, take_rows, s);
-    for (unsigned i = 0; i < s->in_flight; i++) {
-        memory_release(s->ctx, &s->slots[i].rows, IMPORT_BATCH, split->row_size);
+    for (unsigned i = 0; i < s->in_flight; i++)
         memory_release(s->ctx, &s->slots[i].made, split->made_size, 1);
-    }
+    for (unsigned i = 0; i < threads; i++)
+        memory_release(s->ctx, &s->rows[i], IMPORT_BATCH, split->row_size);
     return status == STATUS_CANCELLED && s->is_stopped ? STATUS_OK : status;
 }
 
