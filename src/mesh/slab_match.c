@@ -16,13 +16,21 @@
  * walk round for. What remains, borders, rims of the slab, edges of any number of faces, is looked
  * at more closely; and at vertices of very many faces the edges are sorted.
  *
+ * Where the machine has vectors of eight lanes, up to seven faces at a vertex need no table: each
+ * edge that leaves is compared with all that come in.
+ *
  * An edge's entry in a face is written where the edge begins, once. Both ends see the same faces at
  * the edge, so that they agree.
  */
 #include "mesh/slab_match.h"
 
 #include <string.h>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
+#include "base/cpu.h"
+#include "base/lanes.h"
 #include "base/memory.h"
 #include "base/radix_sort.h"
 
@@ -143,6 +151,97 @@ static inline bool match_few(const struct slab_edges *s, struct slab_matcher *m,
     return differs == 0 && beyond < FEW && is_circle(circle, count);
 }
 
+/* ---- the same for up to seven, by vectors of eight lanes ---- */
+
+enum { SEVEN = 7 };
+
+#if defined(__x86_64__)
+
+/* Whether going from lane 0 on passes `count` lanes, up to seven, and comes back: where 0 to 7
+ * steps lead is found by doubling. */
+LANES_AVX2 static inline bool is_circle_of_lanes(__m256i next, uint32_t count)
+{
+    const __m256i zero = _mm256_setzero_si256();
+    const __m256i twice = _mm256_permutevar8x32_epi32(next, next);
+    const __m256i four_times = _mm256_permutevar8x32_epi32(twice, twice);
+    __m256i at = _mm256_blend_epi32(zero, _mm256_permutevar8x32_epi32(next, zero), 0xaa);
+    at = _mm256_blend_epi32(at, _mm256_permutevar8x32_epi32(twice, at), 0xcc);
+    at = _mm256_blend_epi32(at, _mm256_permutevar8x32_epi32(four_times, at), 0xf0);
+    const __m256i is_begin = _mm256_cmpeq_epi32(at, zero);
+    const unsigned begins = (unsigned)_mm256_movemask_ps(_mm256_castsi256_ps(is_begin));
+    return (begins & ((2u << count) - 1)) == (1u | 1u << count);
+}
+
+/* False, and nothing is entered, unless all faces, 3 to SEVEN, follow one another in a circle. The
+ * lanes beyond are corners of the next vertices, of which there are so many at least: what is
+ * entered for them is wrong, and will be made right when these are matched. */
+LANES_AVX2 static inline bool match_seven(const struct slab_edges *s, const uint32_t *corners,
+                                          uint32_t count)
+{
+    const __m256i zero = _mm256_setzero_si256(), one = _mm256_set1_epi32(1);
+    const __m256i three = _mm256_set1_epi32(3), lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    const __m256i beyond = _mm256_cmpgt_epi32(lanes, _mm256_set1_epi32((int)count - 1));
+    const __m256i here = _mm256_loadu_si256((const __m256i *)(const void *)corners);
+    const __m256i face = _mm256_srli_epi32(here, 2), place = _mm256_and_si256(here, three);
+    const __m256i index = _mm256_sub_epi32(here, face);
+    const __m256i is_first = _mm256_cmpeq_epi32(place, zero);
+    const __m256i is_last = _mm256_cmpeq_epi32(place, _mm256_set1_epi32(2));
+    const __m256i next_index =
+        _mm256_sub_epi32(_mm256_add_epi32(index, one), _mm256_and_si256(is_last, three));
+    const __m256i previous_index =
+        _mm256_add_epi32(_mm256_sub_epi32(index, one), _mm256_and_si256(is_first, three));
+    const int *faces = (const int *)(const void *)s->faces;
+    const __m256i next = _mm256_i32gather_epi32(faces, next_index, 4);
+    const __m256i previous =
+        _mm256_or_si256(_mm256_i32gather_epi32(faces, previous_index, 4), beyond);
+
+    /* No face follows itself. */
+    __m256i found = zero, which = zero;
+    for (int turn = 1; turn < LANES; turn++) {
+        const __m256i from = _mm256_and_si256(_mm256_add_epi32(lanes, _mm256_set1_epi32(turn)),
+                                              _mm256_set1_epi32(LANES - 1));
+        const __m256i is_it = _mm256_cmpeq_epi32(next, _mm256_permutevar8x32_epi32(previous, from));
+        found = _mm256_sub_epi32(found, is_it);
+        which = _mm256_or_si256(which, _mm256_and_si256(is_it, from));
+    }
+    const __m256i is_right = _mm256_or_si256(_mm256_cmpeq_epi32(found, one), beyond);
+    if (_mm256_movemask_ps(_mm256_castsi256_ps(is_right)) != 0xff ||
+        !is_circle_of_lanes(which, count))
+        return false;
+
+    const __m256i there = _mm256_permutevar8x32_epi32(here, which);
+    const __m256i there_place = _mm256_and_si256(there, three);
+    const __m256i mate =
+        _mm256_add_epi32(_mm256_sub_epi32(there_place, one),
+                         _mm256_and_si256(_mm256_cmpeq_epi32(there_place, zero), three));
+    const __m256i mates =
+        _mm256_andnot_si256(beyond, _mm256_sllv_epi32(mate, _mm256_add_epi32(place, place)));
+    const __m256i over =
+        _mm256_add_epi32(_mm256_srli_epi32(there, 2), _mm256_set1_epi32((int)s->face_first));
+    _Alignas(32) uint32_t lane[4][LANES];
+    _mm256_store_si256((__m256i *)(void *)lane[0], index);
+    _mm256_store_si256((__m256i *)(void *)lane[1], over);
+    _mm256_store_si256((__m256i *)(void *)lane[2], face);
+    _mm256_store_si256((__m256i *)(void *)lane[3], mates);
+    uint32_t *neighbours = s->neighbours;
+    uint8_t *all_mates = s->mates;
+    for (unsigned i = 0; i < LANES; i++) {
+        neighbours[lane[0][i]] = lane[1][i];
+        all_mates[lane[2][i]] |= (uint8_t)lane[3][i];
+    }
+    return true;
+}
+
+#else
+
+static inline bool match_seven(const struct slab_edges *s, const uint32_t *corners, uint32_t count)
+{
+    (void)s, (void)corners, (void)count;
+    return false; /* never called */
+}
+
+#endif
+
 /* ---- any number ---- */
 
 /* What lies over the edge that leaves at `here`: of `sides` faces in all, the one that is not its
@@ -261,10 +360,12 @@ static void note_rim(struct slab_matcher *m, const uint32_t *corners, uint32_t c
         m->rim[corner_face(corners[i]) / 64] |= (uint64_t)1 << corner_face(corners[i]) % 64;
 }
 
-static enum status match_all(const struct draft *draft, const struct slab_edges *s,
-                             struct slab_matcher *m, bool *is_plain)
+LANES_INLINE enum status match_all(const struct draft *draft, const struct slab_edges *s,
+                                   struct slab_matcher *m, bool is_wide, bool *is_plain)
 {
     const uint32_t locals = scope_local_count(&m->scope), own = m->scope.own_count;
+    const uint32_t wide_end = 3 * m->scope.face_count - LANES; /* unless there are fewer */
+    is_wide = is_wide && 3 * m->scope.face_count >= LANES;
     enum status status = STATUS_OK;
     memset(s->mates, 0, m->scope.face_count);
     memset(m->rim, 0, slab_rim_words(&m->scope) * sizeof *m->rim);
@@ -272,10 +373,12 @@ static enum status match_all(const struct draft *draft, const struct slab_edges 
         const uint32_t *corners = m->corners + begin;
         const uint32_t count = m->end[v] - begin;
         const bool is_rim = v >= own || is_shared(draft, m->scope.vertex_first + v);
+        const bool is_seven = is_wide && begin <= wide_end && count - 3 <= SEVEN - 3;
         begin = m->end[v];
         if (is_rim)
             note_rim(m, corners, count);
-        if (count - 3 <= FEW - 3 && match_few(s, m, corners, count))
+        if (is_seven ? match_seven(s, corners, count)
+                     : count - 3 <= FEW - 3 && match_few(s, m, corners, count))
             continue;
         if (count <= SOME) {
             match_some(s, corners, count, is_rim, is_plain);
@@ -285,6 +388,18 @@ static enum status match_all(const struct draft *draft, const struct slab_edges 
         }
     }
     return status;
+}
+
+static enum status match_all_scalar(const struct draft *draft, const struct slab_edges *s,
+                                    struct slab_matcher *m, bool *is_plain)
+{
+    return match_all(draft, s, m, false, is_plain);
+}
+
+LANES_AVX2 static enum status match_all_avx2(const struct draft *draft, const struct slab_edges *s,
+                                             struct slab_matcher *m, bool *is_plain)
+{
+    return match_all(draft, s, m, true, is_plain);
 }
 
 enum status slab_match(struct draft *draft, uint32_t slab, struct slab_matcher *m, bool *is_plain)
@@ -308,7 +423,8 @@ enum status slab_match(struct draft *draft, uint32_t slab, struct slab_matcher *
                                  first};
     *is_plain = true;
     file_corners(&s, m);
-    return match_all(draft, &s, m, is_plain);
+    return cpu_level(ctx) >= CPU_AVX2 ? match_all_avx2(draft, &s, m, is_plain)
+                                      : match_all_scalar(draft, &s, m, is_plain);
 }
 
 void slab_matcher_clear(struct slab_matcher *m)
