@@ -2,8 +2,8 @@
  * STAGE 2: patches and chains of a store. Slabs are jobs: each is mapped, grown, traced and packed
  * by one worker, and its block is written in the order of the slabs, so that neither threads nor
  * memory show in the file. What is held is in proportion to the slabs in flight; the seams go
- * through seam_join, which sorts outside of memory. In a run of all stages slabs may come from memory
- * (store_hold.h) and blocks stay there (chain_hold.h).
+ * through seam_join, which sorts outside of memory. In a run of all stages slabs may come from
+ * memory (store_hold.h) and blocks stay there (chain_hold.h).
  */
 #include <math.h>
 #include <string.h>
@@ -78,7 +78,7 @@ static enum status make_block(struct build *build, uint32_t index, struct worker
         status = chain_hold_take(build->hold, &block, &is_held);
     if (!status && !is_held) {
         size_t size;
-        void *room = trace_free_room(&worker->trace, &worker->grow, &size);
+        void *room = trace_free_room(&worker->trace, &worker->grow, &block, &size);
         status = chain_block_pack(ctx, &block, build->stride, build->level, room, size,
                                   &result->packed, &result->packed_size);
     }
@@ -174,16 +174,16 @@ static void fill_info(struct chain_info *info, const struct store_info *store,
  * Memory, in bytes of a slab of F = 2^18 faces that a worker has in hand, the worst being that
  * every face is a patch of its own:
  *
- *     faces, links, normals and their spare      4 * 16 F   (all serve twice over)
+ *     faces, normals and their spare      24 F + 2 * 16 F   (all serve twice over)
  *     positions                                      6 F
  *     chains and patches, an eighth to spare  1.125 * (1.5 * 24 + 44) F
  *     packed, waiting to be written             2 * 12 F
  *
- * which is 46 MiB; with attributes the slab is mapped (31 F), and their records lie in slab, block
+ * which is 44 MiB; with attributes the slab is mapped (31 F), and their records lie in slab, block
  * and packed block. What is shared is the seams' least, the sample that angles are fitted to, the
  * writer and what there is of each slab: 64 bytes.
  */
-enum { WORKER_MEMORY = 46 << 20, MAPPED_MEMORY = 8 << 20, SHARED_MEMORY = 6 << 20 };
+enum { WORKER_MEMORY = 44 << 20, MAPPED_MEMORY = 8 << 20, SHARED_MEMORY = 6 << 20 };
 /* On scans a worker takes 20 to 25 MiB, of which a slab that is forgotten gives 31 F back. */
 enum { BESIDE_MEMORY = 14 << 20 };
 

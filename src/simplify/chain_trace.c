@@ -28,12 +28,8 @@
 #include "simplify/face_normals.h"
 #include "simplify/unit_code.h"
 
-/* The longest boundary that a disk of PATCH_FACES_MAX faces can have; and room to have it twice, so
- * that pieces of it never wrap round. */
-enum { LOOP_MAX = PATCH_FACES_MAX + 2, LOOP_SPACE = 2 * LOOP_MAX };
-
-/* Vertices of a patch: each of its faces brought one at most, the seed three. */
-enum { INSIDE_MAX = PATCH_FACES_MAX + 3 };
+/* The longest boundary that a disk of PATCH_FACES_MAX faces can have. */
+enum { LOOP_MAX = PATCH_FACES_MAX + 2 };
 
 /* A patch is flat to rounding when its normal's square is below this part of the fourth power of
  * its boundary's length: it is as good as closed, or of no area. */
@@ -44,13 +40,6 @@ enum status trace_fail(const struct trace *trace, const char *what)
     return fail(trace->ctx, STATUS_BAD_INPUT, "mesh store: slab %u: %s", trace->slab->index, what);
 }
 
-/* One patch's boundary in order, from its first edge to its last and then all again. */
-struct loop {
-    uint32_t *vertices; /* where each edge starts */
-    uint32_t *others;   /* what lies over it */
-    uint32_t count;
-};
-
 /* Edges of a loop between two places where chains end. */
 struct piece {
     uint32_t from, edges;
@@ -60,8 +49,6 @@ struct piece {
 
 void trace_workspace_clear(struct context *ctx, struct trace_workspace *scratch)
 {
-    memory_release(ctx, &scratch->loop, 2 * LOOP_SPACE, sizeof(uint32_t));
-    memory_release(ctx, &scratch->inside, INSIDE_MAX, sizeof *scratch->inside);
     memory_release(ctx, &scratch->breaks, LOOP_MAX + 1, sizeof *scratch->breaks);
     memory_release(ctx, &scratch->pieces, LOOP_MAX + 1, sizeof *scratch->pieces);
     memory_release(ctx, &scratch->chains, scratch->chain_capacity, sizeof *scratch->chains);
@@ -94,11 +81,7 @@ static enum status reserve(struct trace *trace)
     struct context *ctx = trace->ctx;
     struct trace_workspace *scratch = trace->scratch;
     enum status status = STATUS_OK;
-    if (!scratch->loop)
-        status = memory_take(ctx, 2 * LOOP_SPACE, sizeof(uint32_t), &scratch->loop);
-    if (!status && !scratch->inside)
-        status = memory_take(ctx, INSIDE_MAX, sizeof *scratch->inside, &scratch->inside);
-    if (!status && !scratch->breaks)
+    if (!scratch->breaks)
         status = memory_take(ctx, LOOP_MAX + 1, sizeof *scratch->breaks, &scratch->breaks);
     if (!status && !scratch->pieces)
         status = memory_take(ctx, LOOP_MAX + 1, sizeof *scratch->pieces, &scratch->pieces);
@@ -146,10 +129,12 @@ static enum status make_patch_room(struct trace *trace, size_t needed)
 }
 
 void *trace_free_room(const struct trace_workspace *scratch, const struct patch_workspace *space,
-                      size_t *size)
+                      const struct chain_block *block, size_t *size)
 {
     unsigned char *from = scratch->has_lent_patches ? (unsigned char *)space->normals : space->room;
-    *size = space->room_capacity - (size_t)(from - space->room);
+    unsigned char *to = block->positions == scratch->positions ? space->room + space->room_capacity
+                                                               : (unsigned char *)block->positions;
+    *size = (size_t)(to - from);
     return from;
 }
 
@@ -193,31 +178,6 @@ static enum status reserve_patch(struct trace *trace, const struct grown_patch *
 
 /* ---- one patch's boundary ---- */
 
-/* Puts the boundary's edges in order: each vertex starts one. */
-static enum status follow_boundary(struct trace *trace, const struct grown_patch *patch,
-                                   struct loop *loop)
-{
-    const struct boundary_edge *boundary = patch->boundary;
-    const uint32_t count = patch->edge_count;
-    uint32_t *edge_at = trace->scratch->edges;
-    *loop = (struct loop){trace->scratch->loop, trace->scratch->loop + LOOP_SPACE, count};
-    if (count < 3 || count > LOOP_MAX)
-        return trace_fail(trace, "the boundary of a patch has too few edges or too many");
-    for (uint32_t i = 0; i < count; i++)
-        edge_at[boundary[i].start] = i;
-    uint32_t at = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        loop->vertices[i] = loop->vertices[i + count] = boundary[at].start;
-        loop->others[i] = loop->others[i + count] = boundary[at].over;
-        uint32_t end = boundary[at].end;
-        at = edge_at[end];
-        if (at >= count || boundary[at].start != end || (at == 0 && i + 1 < count))
-            return trace_fail(trace, "the boundary of a patch is not one closed loop");
-    }
-    return at == 0 ? STATUS_OK
-                   : trace_fail(trace, "the boundary of a patch is not one closed loop");
-}
-
 /* The code of a chain's end: the vertex becomes a junction, if it is none yet. (Whether it is one
  * is hard to guess, so nothing branches on it.) */
 static inline uint32_t junction_code(struct trace *trace, uint32_t vertex)
@@ -233,12 +193,12 @@ static inline uint32_t junction_code(struct trace *trace, uint32_t vertex)
 }
 
 /* Adds the chain over the loop's edges [from, from + edges). */
-static enum status add_chain(struct trace *trace, const struct loop *loop, uint32_t from,
+static enum status add_chain(struct trace *trace, const struct grown_patch *patch, uint32_t from,
                              uint32_t edges)
 {
     struct trace_workspace *scratch = trace->scratch;
-    const uint32_t *vertices = loop->vertices + from;
-    const uint32_t over = loop->others[from];
+    const uint32_t *vertices = patch->vertices + from;
+    const uint32_t over = patch->others[from];
     uint32_t *codes = scratch->codes;
     uint32_t start = junction_code(trace, vertices[0]);
     uint32_t end = junction_code(trace, vertices[edges]);
@@ -272,63 +232,65 @@ static void add_seam_edge(struct trace *trace, uint32_t start, uint32_t end)
 
 /* A loop without a junction: the whole boundary of two patches of this slab, or of a patch and the
  * mesh. It gets three. */
-static enum status cut_closed_loop(struct trace *trace, const struct loop *loop)
+static enum status cut_closed_loop(struct trace *trace, const struct grown_patch *patch)
 {
-    if (loop->others[0] == NO_PATCH) /* the last patch will see to it */
+    if (patch->others[0] == NO_PATCH) /* the last patch will see to it */
         return STATUS_OK;
     float *positions;
-    const size_t count = loop->count;
+    const size_t count = patch->edge_count;
     enum status status = memory_take(trace->ctx, count, 3 * sizeof *positions, &positions);
     if (status)
         return status;
     for (size_t i = 0; i < count; i++)
-        memcpy(positions + 3 * i, trace->local->positions + 3 * (size_t)loop->vertices[i],
+        memcpy(positions + 3 * i, trace->local->positions + 3 * (size_t)patch->vertices[i],
                3 * sizeof *positions);
     size_t chosen[3];
-    loop_choose_three(count, positions, loop->vertices, chosen);
+    loop_choose_three(count, positions, patch->vertices, chosen);
     memory_release(trace->ctx, &positions, count, 3 * sizeof *positions);
     for (unsigned i = 0; i < 3 && !status; i++) {
         size_t to = i == 2 ? chosen[0] + count : chosen[i + 1];
-        status = add_chain(trace, loop, (uint32_t)chosen[i], (uint32_t)(to - chosen[i]));
+        status = add_chain(trace, patch, (uint32_t)chosen[i], (uint32_t)(to - chosen[i]));
     }
     return status;
 }
 
-/* The places where chains end on the loop, ascending, into `breaks`; returns their number. */
-static uint32_t find_breaks(const struct trace *trace, const struct loop *loop, uint32_t *breaks)
+/* The places where chains end on the boundary, ascending, into `breaks`; returns their number. */
+static uint32_t find_breaks(const struct trace *trace, const struct grown_patch *patch,
+                            uint32_t *breaks)
 {
     const uint32_t *codes = trace->scratch->codes;
-    uint32_t count = 0, before = loop->others[loop->count - 1];
-    for (uint32_t i = 0; i < loop->count; i++) {
-        uint32_t over = loop->others[i];
+    uint32_t count = 0, before = patch->others[patch->edge_count - 1];
+    for (uint32_t i = 0; i < patch->edge_count; i++) {
+        uint32_t over = patch->others[i];
         breaks[count] = i;
-        count += (over != before) | (code_kind(codes[loop->vertices[i]]) == KIND_SEAM);
+        count += (over != before) | (code_kind(codes[patch->vertices[i]]) == KIND_SEAM);
         before = over;
     }
     return count;
 }
 
-/* Cuts the loop at its junctions and adds the chains against the border and earlier patches. */
-static enum status cut_loop(struct trace *trace, const struct loop *loop)
+/* Cuts a patch's boundary at its junctions and adds the chains against the border and earlier
+ * patches. */
+static enum status cut_boundary(struct trace *trace, const struct grown_patch *patch)
 {
     uint32_t *breaks = trace->scratch->breaks;
-    const uint32_t count = find_breaks(trace, loop, breaks);
+    const uint32_t count = find_breaks(trace, patch, breaks);
     if (count == 0)
-        return cut_closed_loop(trace, loop);
-    breaks[count] = breaks[0] + loop->count;
+        return cut_closed_loop(trace, patch);
+    breaks[count] = breaks[0] + patch->edge_count;
     uint32_t kept = 0; /* the pieces not against free faces, in place */
     for (uint32_t i = 0; i < count; i++) {
         uint32_t from = breaks[i], edges = breaks[i + 1] - from;
         trace->scratch->pieces[kept] = (struct piece){from, edges};
-        kept += loop->others[from] != NO_PATCH;
+        kept += patch->others[from] != NO_PATCH;
     }
     enum status status = STATUS_OK;
     for (uint32_t i = 0; i < kept && !status; i++) {
         const struct piece piece = trace->scratch->pieces[i];
-        if (loop->others[piece.from] == OVER_SEAM)
-            add_seam_edge(trace, loop->vertices[piece.from], loop->vertices[piece.from + 1]);
-        else if (piece.edges < loop->count)
-            status = add_chain(trace, loop, piece.from, piece.edges);
+        if (patch->others[piece.from] == OVER_SEAM)
+            add_seam_edge(trace, patch->vertices[piece.from], patch->vertices[piece.from + 1]);
+        else if (piece.edges < patch->edge_count)
+            status = add_chain(trace, patch, piece.from, piece.edges);
         else
             status = trace_fail(trace, "a chain ends at the junction that it began at");
     }
@@ -346,13 +308,13 @@ struct plane_sum {
 /* The sum of the faces' area vectors is that of any triangles that the boundary spans: here those
  * of a fan. */
 static void find_plane(const struct trace *trace, const struct grown_patch *patch,
-                       const struct loop *loop, struct plane_sum *plane)
+                       struct plane_sum *plane)
 {
     const float *positions = trace->local->positions;
-    const float *first = positions + 3 * (size_t)loop->vertices[0];
+    const float *first = positions + 3 * (size_t)patch->vertices[0];
     double u[3] = {0, 0, 0}, normal[3] = {0, 0, 0}, sum[3] = {0, 0, 0}, length2 = 0;
-    for (uint32_t i = 1; i <= loop->count; i++) { /* the last term is zero */
-        const float *x = positions + 3 * (size_t)loop->vertices[i];
+    for (uint32_t i = 1; i <= patch->edge_count; i++) { /* the last term is zero */
+        const float *x = positions + 3 * (size_t)patch->vertices[i];
         double v[3] = {(double)x[0] - first[0], (double)x[1] - first[1], (double)x[2] - first[2]};
         double d[3] = {v[0] - u[0], v[1] - u[1], v[2] - u[2]};
         normal[0] += u[1] * v[2] - u[2] * v[1];
@@ -370,27 +332,13 @@ static void find_plane(const struct trace *trace, const struct grown_patch *patc
         for (unsigned c = 0; c < 3; c++)
             plane->normal[c] = normal[c] * inverse;
     } else { /* what its first face was grown by */
-        const float *grown = trace->normals + NORMAL_STRIDE * (size_t)patch->faces[0];
+        const float *grown =
+            trace->space->normals + NORMAL_STRIDE * (size_t)*patch_growth_faces(trace->space);
         for (unsigned c = 0; c < 3; c++)
             plane->normal[c] = grown[c];
     }
     for (unsigned c = 0; c < 3; c++)
-        plane->centre[c] = first[c] + sum[c] / loop->count;
-}
-
-/* The patch's vertices off its boundary, into `inside`; returns their number. */
-static uint32_t find_inside(const struct trace *trace, const struct grown_patch *patch,
-                            uint32_t *inside)
-{
-    const uint32_t *edge_at = trace->scratch->edges;
-    uint32_t count = 0;
-    for (uint32_t i = 0; i < patch->vertex_count; i++) {
-        uint32_t vertex = patch->vertices[i], edge = edge_at[vertex];
-        edge = edge < patch->edge_count ? edge : 0;
-        inside[count] = vertex;
-        count += patch->boundary[edge].start != vertex;
-    }
-    return count;
+        plane->centre[c] = first[c] + sum[c] / patch->edge_count;
 }
 
 /* The one that is farthest from the plane; of equal ones the lowest. NO_INDEX: all vertices are on
@@ -398,11 +346,10 @@ static uint32_t find_inside(const struct trace *trace, const struct grown_patch 
 static uint32_t farthest_vertex(const struct trace *trace, const struct grown_patch *patch,
                                 const struct plane_sum *plane, double *farthest)
 {
-    uint32_t *inside = trace->scratch->inside, chosen = NO_INDEX;
-    const uint32_t count = find_inside(trace, patch, inside);
+    uint32_t chosen = NO_INDEX;
     *farthest = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        const uint32_t vertex = inside[i];
+    for (uint32_t i = 0; i < patch->inside_count; i++) {
+        const uint32_t vertex = patch->inside[i];
         const float *x = trace->local->positions + 3 * (size_t)vertex;
         double distance = fabs(plane->normal[0] * (x[0] - plane->centre[0]) +
                                plane->normal[1] * (x[1] - plane->centre[1]) +
@@ -422,14 +369,16 @@ static enum status add_diagonals(struct trace *trace, const struct grown_patch *
 {
     const struct slab_local *local = trace->local;
     uint32_t *diagonals = trace->scratch->diagonals;
+    const uint32_t *faces = patch_growth_faces(trace->space);
     size_t count = trace->diagonal_count;
     for (uint32_t i = 0; i < patch->face_count; i++) {
-        const uint32_t face = patch->faces[i];
-        const uint32_t *links = local->links + FACE_STRIDE * (size_t)face;
+        const uint32_t face = faces[i];
+        const uint32_t *links = local->faces + FACE_STRIDE * (size_t)face + FACE_LINKS;
         for (unsigned k = 0; k < 3; k++) {
             diagonals[2 * count] = edge_start(local, face, k);
             diagonals[2 * count + 1] = edge_end(local, face, k);
-            count += (local->faces[links[k] | LABEL] == patch->number) & (links[k] >> 2 > face);
+            count += (patch_growth_label(trace->space, links[k] >> 2) == patch->number) &
+                     (links[k] >> 2 > face);
         }
     }
     if (count - trace->diagonal_count != patch->edge_count - 3)
@@ -450,15 +399,14 @@ static float clamp_float(double value)
     return value > 3.4e38 ? 3.4e38f : (float)value;
 }
 
-static enum status add_patch(struct trace *trace, const struct grown_patch *patch,
-                             const struct loop *loop)
+static enum status add_patch(struct trace *trace, const struct grown_patch *patch)
 {
     struct trace_workspace *scratch = trace->scratch;
     struct patch *record = scratch->patches + trace->patch_count;
     struct plane_sum plane;
     double distance;
     enum status status = STATUS_OK;
-    find_plane(trace, patch, loop, &plane);
+    find_plane(trace, patch, &plane);
     uint32_t interior = farthest_vertex(trace, patch, &plane, &distance);
     (void)unit_decode(unit_encode(plane.normal), record->normal); /* as the file will give it */
     record->area = clamp_float(patch->area);
@@ -471,7 +419,7 @@ static enum status add_patch(struct trace *trace, const struct grown_patch *patc
     else
         status = add_diagonals(trace, patch);
     record->diagonal_count = (uint32_t)trace->diagonal_count - record->diagonal_first;
-    trace->most_faces += loop->count - 2;
+    trace->most_faces += patch->edge_count - 2;
     trace->patch_count++;
     return status;
 }
@@ -482,14 +430,12 @@ static enum status trace_patches(struct trace *trace, struct patch_workspace *sp
 {
     struct grown_patch patch;
     while (patch_growth_next(space, &patch)) {
-        struct loop loop;
-        enum status status = follow_boundary(trace, &patch, &loop);
+        enum status status = patch.edge_count ? reserve_patch(trace, &patch)
+                                              : trace_fail(trace, "a boundary is no closed loop");
         if (!status)
-            status = reserve_patch(trace, &patch);
+            status = cut_boundary(trace, &patch);
         if (!status)
-            status = cut_loop(trace, &loop);
-        if (!status)
-            status = add_patch(trace, &patch, &loop);
+            status = add_patch(trace, &patch);
         if (status)
             return status;
     }
@@ -501,16 +447,11 @@ enum status chain_trace(struct context *ctx, struct store *store, uint32_t strid
                         struct trace_workspace *scratch, struct chain_block *block,
                         struct slab_seams *seams, struct trace_counts *counts)
 {
-    struct trace trace = {.ctx = ctx,
-                          .slab = slab,
-                          .local = &space->local,
-                          .normals = space->normals,
-                          .scratch = scratch};
+    struct trace trace = {
+        .ctx = ctx, .slab = slab, .space = space, .local = &space->local, .scratch = scratch};
     memset(block, 0, sizeof *block);
     memset(seams, 0, sizeof *seams);
     scratch->codes = space->vertex_room;
-    scratch->edges = space->vertex_room + space->local.vertex_count;
-    memset(scratch->edges, 0, space->local.vertex_count * sizeof *scratch->edges);
     lend_patches(scratch, space);
     enum status status = reserve(&trace);
     if (!status)

@@ -34,14 +34,9 @@ struct slab_seams {
 /* Arrays of one worker, all zero before its first use, kept from slab to slab; a traced block lies
  * in them and in what growth has done with. */
 struct trace_workspace {
-    /* the first two lie in the room of growth */
-    uint32_t *codes; /* a local vertex: trace_internal.h */
-    uint32_t
-        *edges;     /* a local vertex: where it starts an edge in the last boundary that it is on */
-    uint32_t *loop; /* one boundary in order: vertices, what lies over the edges; each twice over */
-    uint32_t *breaks;     /* of the loop: where chains end */
-    struct piece *pieces; /* of the loop */
-    uint32_t *inside;     /* vertices off it */
+    uint32_t *codes;      /* a local vertex, in the room of growth: trace_internal.h */
+    uint32_t *breaks;     /* of a boundary: where chains end */
+    struct piece *pieces; /* of a boundary */
     struct chain *chains;
     size_t chain_capacity;
     uint32_t *junctions; /* local vertices */
@@ -82,9 +77,9 @@ enum status chain_trace(struct context *ctx, struct store *store, uint32_t strid
                         const struct slab *slab, struct patch_workspace *space,
                         struct trace_workspace *scratch, struct chain_block *block,
                         struct slab_seams *seams, struct trace_counts *counts) MUST_CHECK;
-/* What is free of the room of growth as long as the block is needed. */
+/* What is free of the room of growth as long as the block that was traced last is needed. */
 void *trace_free_room(const struct trace_workspace *scratch, const struct patch_workspace *space,
-                      size_t *size);
+                      const struct chain_block *block, size_t *size);
 void slab_seams_clear(struct context *ctx, struct slab_seams *seams);
 void trace_workspace_clear(struct context *ctx, struct trace_workspace *scratch);
 

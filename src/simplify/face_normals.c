@@ -233,7 +233,7 @@ static bool neighbour_sum(const struct slab_local *local, const float *normals, 
     bool any = false;
     sum[0] = sum[1] = sum[2] = 0;
     for (unsigned k = 0; k < 3; k++) {
-        uint32_t link = local->links[FACE_STRIDE * (size_t)f + k];
+        uint32_t link = local->faces[FACE_STRIDE * (size_t)f + FACE_LINKS + k];
         const float *normal = normals + (link & ~3u);
         if (is_undefined(normal)) /* as are those beyond the slab */
             continue;
@@ -267,7 +267,7 @@ static void spread_normals(const struct slab_local *local, float *normals, float
         if (!normalise_into(sum[0], sum[1], sum[2], normal))
             normal[2] = 1; /* its neighbours cancel out: any will do */
         for (unsigned k = 0; k < 3; k++) {
-            uint32_t link = local->links[FACE_STRIDE * (size_t)f + k];
+            uint32_t link = local->faces[FACE_STRIDE * (size_t)f + FACE_LINKS + k];
             if (link >> 2 < local->face_count && is_undefined(normals + (link & ~3u)))
                 order[tail++] = link >> 2;
         }
@@ -283,7 +283,7 @@ static void smooth_once(const struct slab_local *local, const float *from, float
 {
     for (uint32_t f = 0; f < local->face_count; f++) {
         const size_t at = NORMAL_STRIDE * (size_t)f;
-        const uint32_t *links = local->links + at;
+        const uint32_t *links = local->faces + FACE_STRIDE * (size_t)f + FACE_LINKS;
         const float4 own = float4_load(from + at);
         const float4 sum = own + float4_load(from + (links[0] & ~3u)) +
                            float4_load(from + (links[1] & ~3u)) +

@@ -8,10 +8,10 @@
 #include "base/cpu.h"
 #include "simplify/slab_local.h"
 
-/* Four floats a face, on a multiple of 16 bytes: the unit normal, then the face's area in units of
- * a power of two, some 2^-40 of the slab's squared extent, so that squares of the smallest areas
- * and of the sum of all are floats. */
-enum { NORMAL_STRIDE = FACE_STRIDE };
+/* Four floats a face, on a multiple of 16 bytes, so that a link less its place is an index: the
+ * unit normal, then the face's area in units of a power of two, some 2^-40 of the slab's squared
+ * extent, so that squares of the smallest areas and of the sum of all are floats. */
+enum { NORMAL_STRIDE = 4 };
 
 /*
  * Fills *normals (NORMAL_STRIDE floats a face, and zeros for the BEYOND_COUNT entries behind them).

@@ -26,11 +26,20 @@
  * run round the whole surface; here the front stays where the store's order is: the lowest face
  * beside a finished patch comes next.
  *
+ * The boundary is kept as a ring of nodes, one a vertex, while the patch grows: a face that is
+ * added puts its apex between two of them, or takes one out. So it is there in order at the end,
+ * edges of a face's other neighbours to the patch are told by looking at the ring, which is small
+ * and hot, in place of the faces over them, and the nodes taken out are the vertices that have come
+ * to lie inside. Should the adjacency contradict itself, the ring may be torn, which shows at the
+ * end.
+ *
  * On scans patches have ten faces or so, and what a processor guesses wrong costs more than all
  * arithmetic, and so does memory that is waited for: the neighbours of a face are asked for when it
  * joins the queue. So vertices are marked with the patch's number, which needs no unmarking; what
- * is beyond the slab has labels and normals like any face; and where a test would be a coin's toss,
- * both outcomes are computed or written, and one is kept.
+ * is beyond the slab has labels and normals like any face; a label lies where the normal is looked
+ * up next; the queue has the normals, too, since one that is read just after its label was written
+ * waits until that has gone all the way to the cache; and where a test would be a coin's toss, both
+ * outcomes are computed or written, and one is kept.
  */
 #include "simplify/patchify.h"
 
@@ -38,20 +47,39 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "simplify/face_normals.h"
 #include "simplify/float4.h"
 
 /* Every face of a patch adds at most two others, the seed three, and each is added by one that
  * stays. */
 enum { QUEUE_SIZE = 3 * PATCH_FACES_MAX + 4 };
 
-/* Edges that so many faces can have, whatever the adjacency says, and a place that is written but
- * not kept. */
-enum { BOUNDARY_SIZE = 3 * PATCH_FACES_MAX + 1 };
+/* Nodes: the seed's three vertices, and the apex of each face that is added. */
+enum { NODES = QUEUE_SIZE + 3 };
 
+/* A disk of F faces has F + 2 edges on its boundary less two for each vertex inside. Boundaries are
+ * listed twice over, in two lists. */
+enum { BOUNDARY_MAX = PATCH_FACES_MAX + 2, INSIDE_MAX = PATCH_FACES_MAX / 2 + 1 };
+enum { LISTS_SIZE = 4 * BOUNDARY_MAX + INSIDE_MAX + PATCH_FACES_MAX };
+
+/* A vertex of the patch at hand, and the edge of its boundary that starts there; stale once it lies
+ * inside. */
+struct node {
+    uint32_t vertex;
+    uint32_t next; /* where the edge ends */
+    uint32_t link; /* over the edge */
+};
+
+/* Of a vertex: the patch that it came into last << 32 | its node there. */
+typedef uint64_t vertex_mark;
+#define NO_MARK UINT64_MAX
+
+/* A face of the patch that waits for its neighbours to be looked at: those over the two edges that
+ * it brought to the boundary. (Of one that shares two edges, the second is none.) */
 struct queued {
-    uint32_t face;
-    uint32_t apex; /* the vertex that came in with it; NO_INDEX: none */
+    float4 normal; /* with the area, in whose place the face has its label */
+    uint32_t link; /* it was added over; NO_INDEX: taken away again */
+    uint32_t over[2];
+    uint32_t from[2]; /* nodes that the edges start at; the second is the apex */
 };
 
 /* ---- one patch ---- */
@@ -59,258 +87,322 @@ struct queued {
 /* A patch while it is grown: what every face asks for and changes, in a place of its own that
  * stores through the slab's arrays can't change, so that it stays in registers. */
 struct sprout {
-    uint32_t *faces; /* these are growth's */
-    const uint32_t *links;
-    const float *normals;
-    uint32_t *marks;
+    const uint32_t *faces; /* these are growth's */
+    float *normals;
+    vertex_mark *marks;
     struct queued *queue;
+    struct node *nodes;
+    uint32_t *inside;
     const struct growth_bounds *bounds;
+    uint32_t nothing; /* a link to what is beyond the slab */
     uint32_t most_faces;
     uint32_t patch;
-    uint32_t size;     /* faces */
-    uint32_t boundary; /* edges of its loop */
-    uint32_t tail;     /* of the queue */
-    float4 sum;        /* of the normals, weighted by area */
-    float length;      /* of it */
+    uint32_t size;         /* faces */
+    struct queued *tail;   /* of the queue */
+    uint32_t node_count;   /* some of them may be of vertices taken away */
+    uint32_t inside_count; /* vertices inside */
+    float4 sum;            /* of the normals, weighted by area */
+    float length;          /* of it */
     double area;
 };
 
-static inline uint32_t label_of(const struct sprout *sprout, uint32_t link)
+/* How a face lies to the patch: the edges that it shares with it besides the one it is reached over
+ * are none, or the one before that edge or after it on the boundary. */
+enum joint { JOINT_ALONE, JOINT_BEFORE, JOINT_AFTER };
+
+struct contact {
+    enum joint joint;
+    uint32_t apex; /* vertex */
+    uint32_t node; /* the apex's, if it is in the patch */
+    float4 normal; /* the face's */
+};
+
+static inline label_bits *label_of(const struct sprout *sprout, uint32_t link)
 {
-    return sprout->faces[link | LABEL];
+    return (label_bits *)(void *)sprout->normals + (link | 3);
 }
 
 static inline bool is_free(const struct sprout *sprout, uint32_t link)
 {
-    return label_of(sprout, link) == NO_PATCH;
+    return (int32_t)*label_of(sprout, link) >= 0;
 }
 
-/* Edges that the face behind `link` shares with the patch. */
-static inline unsigned shared_edges(const struct sprout *sprout, uint32_t link)
+/* Of the patch; where the adjacency is senseless, it may be any number. */
+static inline int32_t boundary_edges(const struct sprout *sprout)
 {
-    const uint32_t *links = sprout->links + (link & ~3u);
-    const uint32_t patch = sprout->patch;
-    return (unsigned)(label_of(sprout, links[0]) == patch) + (label_of(sprout, links[1]) == patch) +
-           (label_of(sprout, links[2]) == patch);
+    return (int32_t)(sprout->size + 2 - 2 * sprout->inside_count);
+}
+
+static inline bool is_same_face(uint32_t link, uint32_t other)
+{
+    return (link ^ other) < 4;
 }
 
 /*
- * Whether adding the free face behind `link` leaves a disk with a simple boundary: test (a) and
- * what the head of this file adds to it. *shared: the edges that it shares with the patch. With a
- * new apex that is the one it is reached over, and its other neighbours need not be looked at.
+ * Whether adding the free face behind `link`, over the edge that starts at node `from`, leaves a
+ * disk with a simple boundary: test (a) and what the head of this file adds to it. With a new apex
+ * the edge is the only one that it shares.
  */
-static inline bool keeps_disk(const struct sprout *sprout, uint32_t link, unsigned *shared)
+static inline bool keeps_disk(const struct sprout *sprout, uint32_t from, uint32_t link,
+                              struct contact *contact)
 {
-    *shared = 1;
-    if (sprout->marks[sprout->faces[link]] != sprout->patch)
+    const struct node *nodes = sprout->nodes;
+    const uint32_t apex = sprout->faces[link_corner(link)];
+    const vertex_mark mark = sprout->marks[apex];
+    contact->joint = JOINT_ALONE;
+    contact->apex = apex;
+    contact->node = (uint32_t)mark;
+    if (mark >> 32 != sprout->patch)
         return true;
-    *shared = shared_edges(sprout, link);
-    return *shared == 2 && sprout->boundary > 3;
+    const bool before = is_same_face(nodes[(uint32_t)mark].link, link);
+    const bool after = is_same_face(nodes[nodes[from].next].link, link);
+    contact->joint = before ? JOINT_BEFORE : JOINT_AFTER;
+    return (before != after) & (boundary_edges(sprout) > 3);
+}
+
+static inline float4 normal_of(const struct sprout *sprout, uint32_t link)
+{
+    return float4_load(sprout->normals + (link & ~3u));
 }
 
 /* Test (b): the normals of face and neighbour, and of face and patch. */
-static inline bool fits(const struct sprout *sprout, float4 neighbour, uint32_t link,
-                        unsigned shared)
+static inline bool fits(const struct sprout *sprout, float4 neighbour, float4 normal,
+                        enum joint joint)
 {
-    const struct growth_bounds *bounds = &sprout->bounds[shared == 2];
-    float4 normal = float4_load(sprout->normals + (link & ~3u));
-    float4 dots = float4_dots(normal, neighbour, normal, sprout->sum);
+    const struct growth_bounds *bounds = &sprout->bounds[joint != JOINT_ALONE];
+    const float4 dots = float4_dots(normal, neighbour, normal, sprout->sum);
     return (dots[0] >= bounds->face) & (dots[1] >= bounds->patch * sprout->length);
 }
 
-static inline bool is_feasible(const struct sprout *sprout, float4 neighbour, uint32_t link,
-                               unsigned *shared)
+static inline bool is_feasible(const struct sprout *sprout, float4 neighbour, uint32_t from,
+                               uint32_t link, struct contact *contact)
 {
-    return keeps_disk(sprout, link, shared) && fits(sprout, neighbour, link, *shared);
+    contact->normal = normal_of(sprout, link);
+    return keeps_disk(sprout, from, link, contact) &&
+           fits(sprout, neighbour, contact->normal, contact->joint);
 }
 
-static inline float4 normal_of(const struct sprout *sprout, uint32_t face)
+static inline void add_normal(struct sprout *sprout, float4 normal, float weight)
 {
-    return float4_load(sprout->normals + NORMAL_STRIDE * (size_t)face);
-}
-
-static inline void add_weighted(struct sprout *sprout, uint32_t face, float sign)
-{
-    float4 normal = normal_of(sprout, face);
-    float weight = sign * normal[3];
     sprout->sum += weight * normal;
     sprout->length = sqrtf(float4_sum3(sprout->sum * sprout->sum));
     sprout->area += weight;
 }
 
-/* Asks memory for what a face of the patch will be expanded by. */
-static inline void expect(const struct sprout *sprout, uint32_t face)
+/* Asks memory for what the face behind a link will be looked at by. */
+static inline void expect(const struct sprout *sprout, uint32_t link)
 {
-    const uint32_t *links = sprout->links + FACE_STRIDE * (size_t)face;
-    for (unsigned k = 0; k < 3; k++) {
-        __builtin_prefetch(sprout->faces + (links[k] & ~3u));
-        __builtin_prefetch(sprout->normals + (links[k] & ~3u));
-    }
+    __builtin_prefetch(sprout->faces + link_corner(link));
+    __builtin_prefetch(sprout->normals + (link & ~3u));
 }
 
-/* Adds a face that keeps the disk and shares that many edges with it. */
-static inline void add(struct sprout *sprout, uint32_t link, unsigned shared)
+/* The node whose edge a face changes that is added over the edge from node `from`. */
+static inline uint32_t changed_node(const struct contact *contact, uint32_t from)
 {
-    uint32_t apex = sprout->faces[link];
-    expect(sprout, link >> 2);
-    sprout->marks[apex] = sprout->patch; /* it is, if two edges are shared */
-    sprout->boundary += shared == 1 ? 1 : -1u;
-    sprout->faces[link | LABEL] = sprout->patch;
-    sprout->queue[sprout->tail++] = (struct queued){link >> 2, shared == 1 ? apex : NO_INDEX};
-    sprout->size++;
-    add_weighted(sprout, link >> 2, 1);
+    return contact->joint == JOINT_BEFORE ? contact->node : from;
 }
 
-/* The reverse of add, but for the queue. */
-static inline void take_away(struct sprout *sprout, uint32_t link, unsigned shared)
+/* Adds a face that keeps the disk. */
+static inline void add(struct sprout *sprout, uint32_t from, uint32_t link,
+                       const struct contact *contact)
 {
-    if (shared == 1) {
-        sprout->marks[sprout->faces[link]] = NO_PATCH;
-        sprout->boundary--;
+    static const int8_t to_next[4] = {1, 1, -2, 0}, to_previous[4] = {2, -1, -1, 0};
+    struct node *nodes = sprout->nodes;
+    struct queued *entry = sprout->tail++;
+    const uint32_t *corner = sprout->faces + link_corner(link) + FACE_LINKS;
+    /* the edge from the one it is reached over to the apex, and the one from there back */
+    const uint32_t to = corner[to_next[link & 3]], back = corner[to_previous[link & 3]];
+    expect(sprout, to);
+    expect(sprout, back);
+    if (contact->joint == JOINT_ALONE) {
+        const uint32_t node = sprout->node_count++;
+        nodes[node].vertex = contact->apex;
+        nodes[node].next = nodes[from].next;
+        nodes[node].link = back;
+        nodes[from].next = node;
+        nodes[from].link = to;
+        sprout->marks[contact->apex] = (vertex_mark)sprout->patch << 32 | node;
+        entry->over[0] = to;
+        entry->over[1] = back;
+        entry->from[0] = from;
+        entry->from[1] = node;
     } else {
-        sprout->boundary++;
+        const bool is_before = contact->joint == JOINT_BEFORE;
+        const uint32_t changed = changed_node(contact, from), gone = nodes[changed].next;
+        const uint32_t left = is_before ? back : to;
+        sprout->inside[sprout->inside_count++] = nodes[gone].vertex;
+        nodes[changed].next = nodes[gone].next;
+        nodes[changed].link = left;
+        entry->over[0] = left;
+        entry->over[1] = sprout->nothing;
+        entry->from[0] = changed;
     }
-    sprout->faces[link | LABEL] = NO_PATCH;
+    entry->link = link;
+    entry->normal = contact->normal;
+    *label_of(sprout, link) = ~sprout->patch;
+    sprout->size++;
+    add_normal(sprout, contact->normal, contact->normal[3]);
+}
+
+/* The reverse of add for the face added last; `before`: the node that it changed, as it was. */
+static inline void undo(struct sprout *sprout, uint32_t from, const struct contact *contact,
+                        const struct node *before)
+{
+    const struct queued *entry = --sprout->tail;
+    sprout->nodes[changed_node(contact, from)] = *before;
+    if (contact->joint == JOINT_ALONE) {
+        sprout->marks[contact->apex] = NO_MARK;
+        sprout->node_count--;
+    } else {
+        sprout->inside_count--;
+    }
     sprout->size--;
-    add_weighted(sprout, link >> 2, -1);
+    float4_store(sprout->normals + (entry->link & ~3u), entry->normal);
+    add_normal(sprout, entry->normal, -entry->normal[3]);
+}
+
+/* Takes away the queue's entry `head`, both of whose edges are still on the boundary. */
+static inline void take_away(struct sprout *sprout, struct queued *entry)
+{
+    struct node *nodes = sprout->nodes;
+    const uint32_t from = entry->from[0], apex = entry->from[1];
+    nodes[from].next = nodes[apex].next;
+    nodes[from].link = entry->link;
+    sprout->marks[nodes[apex].vertex] = NO_MARK;
+    sprout->size--;
+    float4_store(sprout->normals + (entry->link & ~3u), entry->normal);
+    add_normal(sprout, entry->normal, -entry->normal[3]);
+    entry->link = NO_INDEX;
 }
 
 /*
- * Both free neighbours of the queue's entry `head` are added, or it is taken away itself; `shared`
- * is its edge to the rest of the patch. The second neighbour is looked at again once the first is
- * in: with the same apex it either shares two edges now and closes the ring round a vertex, which
- * is fine, or three, or one and would pinch.
+ * Both free neighbours of a queue's entry are added, or it is taken away itself. The second
+ * neighbour is looked at again once the first is in: with the same apex it either shares two edges
+ * now and closes the ring round a vertex, which is fine, or three, or one and would pinch.
  */
-static inline void expand_two(struct sprout *sprout, uint32_t head, unsigned shared)
+static inline void expand_two(struct sprout *sprout, struct queued *entry)
 {
-    uint32_t face = sprout->queue[head].face;
-    uint32_t one = sprout->links[FACE_STRIDE * (size_t)face + next3(shared)];
-    uint32_t two = sprout->links[FACE_STRIDE * (size_t)face + previous3(shared)];
-    float4 normal = normal_of(sprout, face);
-    unsigned shared_one, shared_two;
-    if (is_feasible(sprout, normal, one, &shared_one) &&
-        is_feasible(sprout, normal, two, &shared_two)) {
-        add(sprout, one, shared_one);
-        if (keeps_disk(sprout, two, &shared_two)) {
-            add(sprout, two, shared_two);
+    const float4 normal = entry->normal;
+    const uint32_t one = entry->over[0], two = entry->over[1];
+    const uint32_t from_one = entry->from[0], from_two = entry->from[1];
+    struct contact contact_one, contact_two;
+    if (is_feasible(sprout, normal, from_one, one, &contact_one) &&
+        is_feasible(sprout, normal, from_two, two, &contact_two)) {
+        const struct node before = sprout->nodes[changed_node(&contact_one, from_one)];
+        add(sprout, from_one, one, &contact_one);
+        if (is_free(sprout, two) && keeps_disk(sprout, from_two, two, &contact_two)) {
+            add(sprout, from_two, two, &contact_two);
             return;
         }
-        take_away(sprout, one, shared_one);
-        sprout->tail--;
+        undo(sprout, from_one, &contact_one, &before);
     }
-    take_away(sprout, face << 2 | shared, 1);
-    sprout->queue[head] = (struct queued){NO_INDEX, NO_INDEX};
+    take_away(sprout, entry);
 }
 
-/* Adds what is feasible of the neighbours of `face`, one by one. */
-static inline void expand_each(struct sprout *sprout, uint32_t face)
-{
-    float4 normal = normal_of(sprout, face);
-    for (unsigned k = 0; k < 3; k++) {
-        uint32_t link = sprout->links[FACE_STRIDE * (size_t)face + k];
-        unsigned shared;
-        if (is_free(sprout, link) && sprout->size < sprout->most_faces &&
-            is_feasible(sprout, normal, link, &shared))
-            add(sprout, link, shared);
-    }
-}
-
+/* The seed becomes a patch, and what is feasible of its neighbours is added, one by one. */
 static struct sprout plant(const struct growth *growth, uint32_t seed)
 {
     const uint32_t *vertices = growth->faces + FACE_STRIDE * (size_t)seed;
+    const uint32_t *links = vertices + FACE_LINKS;
     struct sprout sprout = {.faces = growth->faces,
-                            .links = growth->links,
                             .normals = growth->normals,
                             .marks = growth->marks,
                             .queue = growth->queue,
+                            .nodes = growth->nodes,
+                            .inside = growth->inside,
                             .bounds = growth->bounds,
+                            .nothing = growth->face_count << 2,
                             .most_faces = growth->most_faces,
                             .patch = growth->patch,
                             .size = 1,
-                            .boundary = 3,
-                            .tail = 1};
-    sprout.queue[0] = (struct queued){seed, NO_INDEX};
-    sprout.faces[FACE_STRIDE * (size_t)seed + LABEL] = sprout.patch;
-    add_weighted(&sprout, seed, 1);
-    for (unsigned k = 0; k < 3; k++)
-        sprout.marks[vertices[k]] = sprout.patch;
+                            .tail = growth->queue + 1,
+                            .node_count = 3};
+    sprout.queue[0].link = seed << 2;
+    const float4 normal = normal_of(&sprout, seed << 2);
+    *label_of(&sprout, seed << 2) = ~sprout.patch;
+    add_normal(&sprout, normal, normal[3]);
+    for (unsigned k = 0; k < 3; k++) { /* edge k runs from the next vertex to the one before */
+        sprout.nodes[k] = (struct node){vertices[k], next3(k), links[previous3(k)]};
+        sprout.marks[vertices[k]] = (vertex_mark)sprout.patch << 32 | k;
+    }
+    for (unsigned k = 0; k < 3; k++) {
+        struct contact contact;
+        if (is_free(&sprout, links[k]) && sprout.size < sprout.most_faces &&
+            is_feasible(&sprout, normal, next3(k), links[k], &contact))
+            add(&sprout, next3(k), links[k], &contact);
+    }
     return sprout;
 }
 
-/* Returns the length of the queue; *area: of the patch. */
-static uint32_t grow_from(const struct growth *growth, uint32_t seed, double *area)
+static struct sprout grow_from(const struct growth *growth, uint32_t seed)
 {
     struct sprout sprout = plant(growth, seed);
-    expand_each(&sprout, seed);
-    for (uint32_t head = 1; head < sprout.tail && sprout.size < sprout.most_faces; head++) {
-        uint32_t face = sprout.queue[head].face;
-        const uint32_t *links = sprout.links + FACE_STRIDE * (size_t)face;
-        unsigned free = (unsigned)is_free(&sprout, links[0]) | is_free(&sprout, links[1]) << 1 |
-                        is_free(&sprout, links[2]) << 2;
-        if (free == 0)
-            continue;
-        if ((free & (free - 1)) == 0) {
-            unsigned shared;
-            uint32_t link = links[free >> 1];
-            if (is_feasible(&sprout, normal_of(&sprout, face), link, &shared))
-                add(&sprout, link, shared);
-        } else if (sprout.size + 2 <= sprout.most_faces) {
-            expand_two(&sprout, head, free == 6 ? 0 : free == 5 ? 1 : 2);
+    for (struct queued *entry = sprout.queue + 1;
+         entry < sprout.tail && sprout.size < sprout.most_faces; entry++) {
+        const bool one = is_free(&sprout, entry->over[0]), two = is_free(&sprout, entry->over[1]);
+        if (one & two) {
+            if (sprout.size + 2 <= sprout.most_faces)
+                expand_two(&sprout, entry);
+        } else if (one | two) {
+            const uint32_t link = entry->over[two], from = entry->from[two];
+            struct contact contact;
+            if (is_feasible(&sprout, entry->normal, from, link, &contact))
+                add(&sprout, from, link, &contact);
         }
     }
-    *area = sprout.area;
-    return sprout.tail;
+    return sprout;
 }
 
-/* Asks memory for what a boundary will be followed and traced by. */
-static inline void expect_vertex(const struct patch_workspace *space, uint32_t vertex)
+/* Where the boundary is walked from: the first edge on it of the first face that has one. NODES:
+ * there is none, or it has no node. */
+static uint32_t first_node(const struct sprout *sprout)
+{
+    for (const struct queued *entry = sprout->queue; entry < sprout->tail; entry++) {
+        const uint32_t *face = sprout->faces + FACE_STRIDE * (size_t)(entry->link >> 2);
+        if (entry->link == NO_INDEX)
+            continue;
+        for (unsigned k = 0; k < 3; k++)
+            if (*label_of(sprout, face[FACE_LINKS + k]) != ~sprout->patch) {
+                const vertex_mark mark = sprout->marks[face[next3(k)]];
+                return mark >> 32 == sprout->patch ? (uint32_t)mark : NODES;
+            }
+    }
+    return NODES;
+}
+
+/* Ends the patch: lists its boundary, and the free faces beside it become candidates. Returns how
+ * many edges it has; 0: it is no closed loop. */
+static uint32_t list_boundary(struct patch_workspace *space, const struct sprout *sprout,
+                              uint32_t *vertices, uint32_t *others)
 {
     const struct slab_local *local = &space->local;
-    __builtin_prefetch(local->positions + 3 * (size_t)vertex);
-    __builtin_prefetch(space->vertex_room + vertex);
-    __builtin_prefetch(space->vertex_room + (size_t)local->vertex_count + vertex);
-}
-
-/* Ends the patch: gathers it from the queue, and the free faces beside it become candidates. */
-static void gather(struct patch_workspace *space, uint32_t tail, struct grown_patch *patch)
-{
-    struct growth *growth = &space->growth;
-    const struct queued *queue = growth->queue;
-    const uint32_t number = growth->patch;
-    uint32_t *faces = space->lists, *vertices = faces + QUEUE_SIZE, face_count = 0;
-    struct boundary_edge *boundary = space->boundary;
-    uint32_t vertex_count = 3, edge_count = 0;
-    memcpy(vertices, growth->faces + FACE_STRIDE * (size_t)queue[0].face, 3 * sizeof *vertices);
-    for (uint32_t i = 0; i < tail; i++) {
-        faces[face_count] = queue[i].face;
-        face_count += queue[i].face != NO_INDEX;
-        vertices[vertex_count] = queue[i].apex;
-        vertex_count += queue[i].apex != NO_INDEX;
-    }
-    for (uint32_t i = 0; i < face_count; i++) {
-        const uint32_t *apex = growth->faces + FACE_STRIDE * (size_t)faces[i];
-        const uint32_t *links = growth->links + FACE_STRIDE * (size_t)faces[i];
-        for (unsigned k = 0; k < 3; k++) {
-            uint32_t over = growth->faces[links[k] | LABEL];
-            boundary[edge_count] =
-                (struct boundary_edge){apex[next3(k)], apex[previous3(k)], over, links[k]};
-            edge_count += over != number;
-        }
-    }
-    for (uint32_t i = 0; i < edge_count; i++) {
-        bit_tree_set_if(&growth->candidates, boundary[i].link >> 2, boundary[i].over == NO_PATCH);
-        expect_vertex(space, boundary[i].start);
-    }
-    *patch = (struct grown_patch){.number = number,
-                                  .face_count = face_count,
-                                  .vertex_count = vertex_count,
-                                  .edge_count = edge_count,
-                                  .faces = faces,
-                                  .vertices = vertices,
-                                  .boundary = boundary};
+    struct bit_tree *candidates = &space->growth.candidates;
+    const int32_t edges = boundary_edges(sprout);
+    const uint32_t first = first_node(sprout), count = (uint32_t)edges;
+    uint32_t at = first, i = 0;
+    if (edges < 3 || edges > BOUNDARY_MAX || first == NODES)
+        return 0;
+    do {
+        const struct node *node = sprout->nodes + at;
+        const uint32_t link = node->link, vertex = node->vertex;
+        const uint32_t over = label_from(*label_of(sprout, link));
+        vertices[i] = vertices[i + count] = vertex;
+        others[i] = others[i + count] = over;
+        bit_tree_set_if(candidates, link >> 2, over == NO_PATCH);
+        __builtin_prefetch(local->positions + 3 * (size_t)vertex);
+        __builtin_prefetch(space->vertex_room + vertex);
+        at = node->next;
+    } while (++i < count && at != first);
+    return i == count && at == first ? count : 0;
 }
 
 /* ---- a slab ---- */
+
+static bool is_free_face(const struct growth *growth, uint32_t face)
+{
+    const label_bits *labels = (const label_bits *)(const void *)growth->normals;
+    return (int32_t)labels[NORMAL_STRIDE * (size_t)face + 3] >= 0;
+}
 
 /* The lowest free face beside a finished patch, else the lowest free one; NO_INDEX at the end.
  * Candidates that are free no more are found out here. */
@@ -318,14 +410,15 @@ static uint32_t next_seed(struct growth *growth)
 {
     uint32_t seed;
     while (bit_tree_lowest(&growth->candidates, &seed)) {
-        if (growth->faces[FACE_STRIDE * (size_t)seed + LABEL] == NO_PATCH)
+        if (is_free_face(growth, seed))
             return seed;
         bit_tree_clear(&growth->candidates, seed);
     }
-    while (growth->lowest < growth->face_count &&
-           growth->faces[FACE_STRIDE * (size_t)growth->lowest + LABEL] != NO_PATCH)
+    if (growth->left == 0)
+        return NO_INDEX;
+    while (!is_free_face(growth, growth->lowest))
         growth->lowest++;
-    return growth->lowest < growth->face_count ? growth->lowest : NO_INDEX;
+    return growth->lowest;
 }
 
 bool patch_growth_next(struct patch_workspace *space, struct grown_patch *patch)
@@ -333,12 +426,30 @@ bool patch_growth_next(struct patch_workspace *space, struct grown_patch *patch)
     uint32_t seed = next_seed(&space->growth);
     if (seed == NO_INDEX)
         return false;
-    double area;
-    const uint32_t tail = grow_from(&space->growth, seed, &area);
-    gather(space, tail, patch);
-    patch->area = area * space->growth.area_factor;
-    space->growth.patch++;
+    struct growth *growth = &space->growth;
+    const struct sprout sprout = grow_from(growth, seed);
+    uint32_t *vertices = space->lists, *others = vertices + 2 * BOUNDARY_MAX;
+    *patch = (struct grown_patch){.number = growth->patch,
+                                  .face_count = sprout.size,
+                                  .edge_count = list_boundary(space, &sprout, vertices, others),
+                                  .inside_count = sprout.inside_count,
+                                  .vertices = vertices,
+                                  .others = others,
+                                  .inside = growth->inside,
+                                  .area = sprout.area * growth->area_factor};
+    growth->tail = sprout.tail;
+    growth->left -= sprout.size;
+    growth->patch++;
     return true;
+}
+
+const uint32_t *patch_growth_faces(struct patch_workspace *space)
+{
+    uint32_t *faces = space->lists + 4 * BOUNDARY_MAX + INSIDE_MAX, count = 0;
+    for (const struct queued *entry = space->queue; entry < space->growth.tail; entry++)
+        if (entry->link != NO_INDEX)
+            faces[count++] = entry->link >> 2;
+    return faces;
 }
 
 static void set_options(struct growth *growth, const struct patch_options *options)
@@ -356,12 +467,14 @@ static void set_options(struct growth *growth, const struct patch_options *optio
 static enum status reserve(struct context *ctx, struct patch_workspace *space, size_t faces,
                            size_t vertices, size_t slab_bytes)
 {
-    faces += BEYOND_COUNT;
-    size_t half = NORMAL_STRIDE * sizeof(float) * faces; /* all parts on multiples of 16 */
-    if (half < 3 * sizeof(uint32_t) * vertices)
-        half = 4 * sizeof(uint32_t) * vertices;
-    const size_t links_at = 2 * half < slab_bytes ? (slab_bytes + 15) / 16 * 16 : 2 * half;
-    const size_t bytes = links_at + FACE_STRIDE * sizeof(uint32_t) * faces;
+    /* all parts on multiples of 16 */
+    size_t half = NORMAL_STRIDE * sizeof(float) * (faces + BEYOND_COUNT);
+    const size_t later = (sizeof(vertex_mark) + sizeof(uint32_t)) * vertices +
+                         sizeof(float) * faces; /* marks, vertex_room, areas */
+    if (half < later)
+        half = (later + 15) / 16 * 16;
+    const size_t faces_at = 2 * half < slab_bytes ? (slab_bytes + 15) / 16 * 16 : 2 * half;
+    const size_t bytes = faces_at + slab_local_numbers(faces) * sizeof(uint32_t);
     enum status status = STATUS_OK;
     if (bytes > space->room_capacity) {
         memory_release(ctx, &space->room, space->room_capacity, 1);
@@ -373,17 +486,17 @@ static enum status reserve(struct context *ctx, struct patch_workspace *space, s
     }
     if (!status)
         status = memory_reserve(ctx, &space->candidates, &space->candidate_capacity,
-                                bit_tree_words(faces), sizeof *space->candidates);
+                                bit_tree_words(faces + BEYOND_COUNT), sizeof *space->candidates);
     if (!status && !space->queue)
         status = memory_take(ctx, QUEUE_SIZE, sizeof *space->queue, &space->queue);
-    if (!status && !space->lists) /* as many vertices as faces, and the seed's other two */
-        status = memory_take(ctx, 2 * QUEUE_SIZE + 3, sizeof *space->lists, &space->lists);
-    if (!status && !space->boundary)
-        status = memory_take(ctx, BOUNDARY_SIZE, sizeof *space->boundary, &space->boundary);
+    if (!status && !space->nodes)
+        status = memory_take(ctx, NODES, sizeof *space->nodes, &space->nodes);
+    if (!status && !space->lists)
+        status = memory_take(ctx, LISTS_SIZE, sizeof *space->lists, &space->lists);
     if (!status) {
         space->spare = (float *)(void *)space->room;
         space->normals = (float *)(void *)(space->room + half);
-        space->links = (uint32_t *)(void *)(space->room + links_at);
+        space->faces = (uint32_t *)(void *)(space->room + faces_at);
     }
     return status;
 }
@@ -393,29 +506,33 @@ void patch_workspace_clear(struct context *ctx, struct patch_workspace *space)
     memory_release(ctx, &space->room, space->room_capacity, 1);
     memory_release(ctx, &space->candidates, space->candidate_capacity, sizeof *space->candidates);
     memory_release(ctx, &space->queue, QUEUE_SIZE, sizeof *space->queue);
-    memory_release(ctx, &space->lists, 2 * QUEUE_SIZE + 3, sizeof *space->lists);
-    memory_release(ctx, &space->boundary, BOUNDARY_SIZE, sizeof *space->boundary);
+    memory_release(ctx, &space->nodes, NODES, sizeof *space->nodes);
+    memory_release(ctx, &space->lists, LISTS_SIZE, sizeof *space->lists);
     slab_local_clear(ctx, &space->local);
     memset(space, 0, sizeof *space);
 }
 
+/* The normals are there. */
 static void begin(struct patch_workspace *space, const struct patch_options *options,
                   double area_factor)
 {
     const struct slab_local *local = &space->local;
-    uint32_t *marks = (uint32_t *)(void *)space->spare;
+    vertex_mark *marks = (vertex_mark *)(void *)space->spare;
+    label_bits *labels = (label_bits *)(void *)space->normals;
     memset(marks, 0xff, local->vertex_count * sizeof *marks);
-    space->vertex_room = marks + local->vertex_count;
-    space->rest = space->vertex_room + 2 * (size_t)local->vertex_count;
+    space->vertex_room = (uint32_t *)(void *)(marks + local->vertex_count);
+    space->rest = space->vertex_room + local->vertex_count;
     space->rest_size = (size_t)((unsigned char *)space->normals - (unsigned char *)space->rest);
-    local->faces[link_beyond(local, BEYOND_BORDER) | LABEL] = OVER_BORDER;
-    local->faces[link_beyond(local, BEYOND_SEAM) | LABEL] = OVER_SEAM;
+    labels[link_beyond(local, BEYOND_BORDER) | 3] = ~OVER_BORDER;
+    labels[link_beyond(local, BEYOND_SEAM) | 3] = ~OVER_SEAM;
     space->growth = (struct growth){.faces = local->faces,
-                                    .links = local->links,
                                     .normals = space->normals,
                                     .marks = marks,
                                     .queue = space->queue,
+                                    .nodes = space->nodes,
+                                    .inside = space->lists + 4 * BOUNDARY_MAX,
                                     .face_count = local->face_count,
+                                    .left = local->face_count,
                                     .area_factor = area_factor};
     set_options(&space->growth, options);
     bit_tree_init(&space->growth.candidates, space->candidates,
@@ -436,16 +553,28 @@ static void begin_growth(struct context *ctx, const struct patch_options *option
                             &space->spare));
 }
 
+/* Where the areas of all faces are kept: at the end of the rest. */
+static void set_areas_aside(struct patch_workspace *space)
+{
+    const size_t bytes = space->local.face_count * sizeof *space->areas;
+    space->rest_size -= bytes;
+    space->areas = (float *)(void *)((unsigned char *)space->rest + space->rest_size);
+}
+
 enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
                                const struct patch_options *options, struct patch_workspace *space)
 {
     const size_t own = slab->vertex_end - slab->vertex_first;
     enum status status = reserve(ctx, space, slab->face_count, own + slab->foreign_count, 0);
     if (!status)
-        status = slab_local_fill(ctx, slab, space->links, &space->local);
-    if (!status)
-        begin_growth(ctx, options, space);
-    return status;
+        status = slab_local_fill(ctx, slab, space->faces, &space->local);
+    if (status)
+        return status;
+    begin_growth(ctx, options, space);
+    set_areas_aside(space);
+    for (size_t f = 0; f < space->local.face_count; f++)
+        space->areas[f] = space->normals[NORMAL_STRIDE * f + 3];
+    return STATUS_OK;
 }
 
 enum status patch_growth_open(struct context *ctx, struct store *store, uint32_t index,
@@ -465,7 +594,7 @@ enum status patch_growth_open(struct context *ctx, struct store *store, uint32_t
     if (!status && !has_records)
         status = slab_read(store, index, space->room, slab);
     if (!status)
-        status = slab_local_fill(ctx, slab, space->links, &space->local);
+        status = slab_local_fill(ctx, slab, space->faces, &space->local);
     slab_forget(store, index);
     if (!status)
         begin_growth(ctx, options, space);
@@ -478,8 +607,9 @@ enum status patch_growth_open(struct context *ctx, struct store *store, uint32_t
 void patch_growth_again(struct patch_workspace *space, const struct patch_options *options)
 {
     for (size_t f = 0; f < space->local.face_count; f++)
-        space->local.faces[FACE_STRIDE * f + LABEL] = NO_PATCH;
+        space->normals[NORMAL_STRIDE * f + 3] = space->areas[f];
     begin(space, options, space->growth.area_factor);
+    set_areas_aside(space);
 }
 
 enum status patch_grow(struct context *ctx, const struct slab *slab,
@@ -494,7 +624,7 @@ enum status patch_grow(struct context *ctx, const struct slab *slab,
     while (patch_growth_next(space, &patch))
         ++*patch_count;
     for (size_t f = 0; f < slab->face_count; f++)
-        labels[f] = space->local.faces[FACE_STRIDE * f + LABEL];
+        labels[f] = patch_growth_label(space, (uint32_t)f);
     return STATUS_OK;
 }
 

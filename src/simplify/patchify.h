@@ -10,28 +10,27 @@
 #define SPBM_SIMPLIFY_PATCHIFY_H
 
 #include "simplify/bit_tree.h"
+#include "simplify/face_normals.h"
 #include "simplify/patch.h"
 #include "simplify/slab_local.h"
 
-/* An edge of a patch's boundary, walked with the patch on its left. */
-struct boundary_edge {
-    uint32_t start, end; /* local vertices */
-    uint32_t over;       /* an earlier patch, NO_PATCH for a face that is free as yet, or: */
-    uint32_t link;
-};
-
 /* Labels of what is beyond the slab. */
-#define OVER_BORDER (UINT32_MAX - 1)
-#define OVER_SEAM (UINT32_MAX - 2)
+#define OVER_BORDER (INT32_MAX - 1u)
+#define OVER_SEAM (INT32_MAX - 2u)
 
 /* A patch that has just been grown; valid until the next one is. */
 struct grown_patch {
     uint32_t number;
-    uint32_t face_count, vertex_count, edge_count;
-    const uint32_t *faces;    /* local, in the order of growing; the first is the seed */
-    const uint32_t *vertices; /* local, each once */
-    const struct boundary_edge *boundary; /* in the order of the faces */
-    double area;                          /* of its faces, model units */
+    uint32_t face_count;
+    uint32_t edge_count;   /* of its boundary; 0: the adjacency contradicts itself */
+    uint32_t inside_count; /* vertices off its boundary */
+    /* Its boundary, walked with the patch on the left, from the first edge of the first face that
+     * has one there; all twice over, so that no piece of it wraps round. */
+    const uint32_t *vertices; /* local: where each edge starts */
+    const uint32_t *others;   /* what lies over it: an earlier patch, NO_PATCH for a face that is
+                                 free as yet, OVER_BORDER or OVER_SEAM */
+    const uint32_t *inside;   /* local vertices */
+    double area;              /* of its faces, model units */
 };
 
 /* What a face must reach to fit: its normal's cosine with the neighbour's, and with the sum of the
@@ -40,43 +39,57 @@ struct growth_bounds {
     float face, patch;
 };
 
+/* Numbers that are also read as parts of vectors of floats. */
+typedef uint32_t label_bits __attribute__((may_alias));
+
+/* A free face has its area's bits in the fourth number of its normal (face_normals.h), whose
+ * highest is 0; one that has a label has the label's complement there, since no label reaches
+ * 2^31. NO_PATCH: the face is free. */
+static inline uint32_t label_from(label_bits bits)
+{
+    const uint32_t label = ~bits;
+    return label | (0 - (label >> 31));
+}
+
 /* The state of growth between two patches; private to patchify.c. */
 struct growth {
     struct growth_bounds bounds[2]; /* sharing one edge, sharing two */
-    uint32_t *faces;                /* of the slab, with the labels; NO_PATCH: free */
-    const uint32_t *links;
-    const float *normals;
-    uint32_t *marks; /* a local vertex: the patch that it came into last */
+    const uint32_t *faces;          /* those of slab_local */
+    float *normals;                 /* with labels */
+    uint64_t *marks;
     struct queued *queue;
+    struct node *nodes;
+    uint32_t *inside;
     struct bit_tree candidates; /* free faces beside a finished patch, and some no longer free */
     uint32_t face_count;
+    uint32_t left;   /* free faces */
     uint32_t lowest; /* no face below is free */
     uint32_t most_faces;
     double area_factor;
-    uint32_t patch; /* the next one */
+    uint32_t patch;      /* the next one */
+    struct queued *tail; /* of the last one's queue */
 };
 
-/*
- * What one worker needs for one slab at a time; all zero before its first use, kept from slab to
- * slab. While patches grow, local.faces has their labels.
- */
+/* What one worker needs for one slab at a time; all zero before its first use, kept from slab to
+ * slab. */
 struct patch_workspace {
     struct slab_local local;
-    float *normals;        /* face_normals.h */
-    uint32_t *vertex_room; /* two numbers a local vertex, for whoever traces the patches */
+    float *normals;        /* face_normals.h; with labels in them while patches grow */
+    uint32_t *vertex_room; /* a number a local vertex, for whoever traces the patches */
     /* What room holds: first a slab's bytes as read, then in their place the normals' spare and the
      * normals, then in the spare's marks, vertex_room and the rest, which is the user's; behind
-     * these the links; and when all is grown, what the user likes. */
+     * these the local faces; and when all is grown, what the user likes. */
     unsigned char *room;
     size_t room_capacity;
     void *rest;
     size_t rest_size; /* bytes */
     /* private to patchify.c */
     float *spare;
-    uint32_t *links;
+    uint32_t *faces;
+    float *areas; /* of patch_growth_begin: the faces', as in the normals, to begin again */
     struct queued *queue;
-    uint32_t *lists; /* of the patch last grown: faces, vertices */
-    struct boundary_edge *boundary;
+    struct node *nodes;
+    uint32_t *lists; /* of the patch last grown: boundary, vertices inside, faces */
     uint64_t *candidates;
     size_t candidate_capacity;
     struct growth growth;
@@ -98,11 +111,22 @@ enum status patch_growth_open(struct context *ctx, struct store *store, uint32_t
                               const struct patch_options *options, struct patch_workspace *space,
                               struct slab *slab) MUST_CHECK;
 
-/* Begins again on the slab begun last, with other cosines; smoothings must be the same. */
+/* Begins again on the slab that patch_growth_begin was called for last, with other cosines;
+ * smoothings must be the same. */
 void patch_growth_again(struct patch_workspace *space, const struct patch_options *options);
 
 /* Grows the next patch; patches are numbered from 0. False when no face is free any more. */
 bool patch_growth_next(struct patch_workspace *space, struct grown_patch *patch);
+
+/* The faces of the patch last grown: local, in the order of growing; the first is the seed. */
+const uint32_t *patch_growth_faces(struct patch_workspace *space);
+
+/* The patch of a local face, NO_PATCH if it is free. */
+static inline uint32_t patch_growth_label(const struct patch_workspace *space, uint32_t face)
+{
+    const label_bits *bits = (const label_bits *)(const void *)space->normals;
+    return label_from(bits[NORMAL_STRIDE * (size_t)face + 3]);
+}
 
 /* Both for a whole slab: labels[0, face_count) are its faces' patches. */
 enum status patch_grow(struct context *ctx, const struct slab *slab,

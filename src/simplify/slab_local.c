@@ -11,28 +11,16 @@
 
 #include "base/memory.h"
 
-/* A face's numbers are read, changed and written as one vector. */
-typedef uint32_t uint4 __attribute__((vector_size(16), may_alias));
+/* A face's numbers are read, changed and written as one vector, whose fourth number the next face
+ * writes over. */
+typedef uint32_t uint4 __attribute__((vector_size(16)));
 typedef int32_t int4 __attribute__((vector_size(16)));
 
-static void release_faces(struct context *ctx, struct slab_local *local)
-{
-    memory_release(ctx, &local->faces, local->face_capacity, FACE_STRIDE * sizeof *local->faces);
-    local->face_capacity = 0;
-}
-
-static enum status reserve(struct context *ctx, struct slab_local *local, size_t faces,
-                           size_t vertices, size_t foreign)
+static enum status reserve(struct context *ctx, struct slab_local *local, size_t vertices,
+                           size_t foreign)
 {
     enum status status = STATUS_OK;
-    if (faces > local->face_capacity) {
-        release_faces(ctx, local);
-        status = memory_take(ctx, faces, FACE_STRIDE * sizeof *local->faces, &local->faces);
-        local->face_capacity = status ? 0 : faces;
-        if (!status)
-            memory_use_whole(local->faces, faces, FACE_STRIDE * sizeof *local->faces);
-    }
-    if (!status && vertices >= local->vertex_capacity) { /* one more, for whole vectors */
+    if (vertices >= local->vertex_capacity) { /* one more, for whole vectors */
         vertices++;
         memory_release(ctx, &local->positions, local->vertex_capacity,
                        3 * sizeof *local->positions);
@@ -115,33 +103,15 @@ static inline bool any_beyond(uint4 three, struct range range)
     return (words[0] & words[1]) != UINT64_MAX;
 }
 
-static inline enum status put_face(struct context *ctx, const struct slab *slab, size_t f,
-                                   uint4 corners, struct range own, struct slab_local *local)
+/* Local numbers of a face's corners, of which at least one is not the slab's own vertex. */
+static enum status find_corners(struct context *ctx, const struct slab *slab, size_t f,
+                                struct slab_local *local, uint4 *vertices)
 {
-    uint4 v = corners - own.first;
-    if (any_beyond(v, own))
-        for (unsigned k = 0; k < 3; k++) {
-            uint32_t vertex;
-            enum status status = foreign_corner(ctx, slab, 3 * f + k, local, &vertex);
-            if (status)
-                return status;
-            v[k] = vertex;
-        }
-    const uint4 label = {0, 0, 0, UINT32_MAX}, to = __builtin_shufflevector(v, v, 2, 0, 1, 3);
-    *(uint4 *)(void *)(local->faces + FACE_STRIDE * f) = to | label;
-    return STATUS_OK;
-}
-
-static enum status fill_faces(struct context *ctx, const struct slab *slab,
-                              struct slab_local *local)
-{
-    const struct range own = range_of(slab->vertex_first, local->own_count);
-    const size_t count = slab->face_count;
-    const uint32_t *from = slab->faces;
     enum status status = STATUS_OK;
-    for (size_t f = 0; f < count && !status; f++, from += 3) {
-        const uint4 corners = f + 1 < count ? load_four(from) : load_three(from);
-        status = put_face(ctx, slab, f, corners, own, local);
+    for (unsigned k = 0; k < 3 && !status; k++) {
+        uint32_t vertex = 0;
+        status = foreign_corner(ctx, slab, 3 * f + k, local, &vertex);
+        (*vertices)[k] = vertex;
     }
     return status;
 }
@@ -169,50 +139,59 @@ static enum status put_beyond(struct context *ctx, const struct slab *slab, size
                               struct slab_local *local)
 {
     const size_t seam_links = local->seam_links;
-    uint32_t *links = local->links + FACE_STRIDE * f;
+    uint32_t *links = local->faces + FACE_STRIDE * f + FACE_LINKS;
     enum status status = STATUS_OK;
     for (unsigned k = 0; k < 3 && !status; k++)
         status = beyond_link(ctx, slab, f, k, local, &links[k]);
-    if (local->seam_links > seam_links) {
-        links[NEXT_SEAM] = local->seam_face;
-        local->seam_face = (uint32_t)f;
-    }
+    if (status || local->seam_links == seam_links)
+        return status;
+    status = memory_reserve(ctx, &local->seam_faces, &local->seam_face_capacity,
+                            local->seam_face_count + 1, sizeof *local->seam_faces);
+    if (!status)
+        local->seam_faces[local->seam_face_count++] = (uint32_t)f;
     return status;
 }
 
-static enum status fill_links(struct context *ctx, const struct slab *slab,
+static enum status fill_faces(struct context *ctx, const struct slab *slab,
                               struct slab_local *local)
 {
     uint4 places[64]; /* a face's three mates, from their six bits */
     for (uint32_t i = 0; i < 64; i++)
         places[i] = (uint4){i & 3, i >> 2 & 3, i >> 4, 0};
+    const struct range own = range_of(slab->vertex_first, local->own_count);
     const struct range inside = range_of(slab->face_first, slab->face_count);
-    const uint4 lanes = {UINT32_MAX, UINT32_MAX, UINT32_MAX, 0};
     const size_t count = slab->face_count;
-    const uint32_t *from = slab->neighbours;
+    const uint32_t *corners = slab->faces, *neighbours = slab->neighbours;
     const uint8_t *mates = slab->mates;
-    uint32_t *to = local->links;
+    uint32_t *to = local->faces;
     enum status status = STATUS_OK;
-    local->seam_links = 0;
-    local->seam_face = NO_INDEX;
-    for (size_t f = 0; f < count && !status; f++, from += 3, to += FACE_STRIDE) {
-        const uint4 faces = (f + 1 < count ? load_four(from) : load_three(from)) - inside.first;
-        *(uint4 *)(void *)to = (faces << 2 & lanes) | places[mates[f] & 63];
-        if (any_beyond(faces, inside) || (mates[f] & mates[f] >> 1 & 0x15) != 0)
+    local->seam_links = local->seam_face_count = 0;
+    for (size_t f = 0; f < count && !status;
+         f++, corners += 3, neighbours += 3, to += FACE_STRIDE) {
+        const bool is_last = f + 1 == count;
+        uint4 vertices = (is_last ? load_three(corners) : load_four(corners)) - own.first;
+        if (any_beyond(vertices, own))
+            status = find_corners(ctx, slab, f, local, &vertices);
+        vertices = __builtin_shufflevector(vertices, vertices, 2, 0, 1, 3);
+        memcpy(to, &vertices, sizeof vertices);
+        const uint4 faces =
+            (is_last ? load_three(neighbours) : load_four(neighbours)) - inside.first;
+        const uint4 links = faces << 2 | places[mates[f] & 63];
+        memcpy(to + FACE_LINKS, &links, sizeof links);
+        if (!status && (any_beyond(faces, inside) || (mates[f] & mates[f] >> 1 & 0x15) != 0))
             status = put_beyond(ctx, slab, f, local);
     }
     return status;
 }
 
-enum status slab_local_fill(struct context *ctx, const struct slab *slab, uint32_t *links,
+enum status slab_local_fill(struct context *ctx, const struct slab *slab, uint32_t *faces,
                             struct slab_local *local)
 {
     uint32_t own = slab->vertex_end - slab->vertex_first;
     uint64_t vertices = (uint64_t)own + slab->foreign_count;
     if (slab->face_count >= 1u << 29 || vertices >= 1u << 29)
         return fail(ctx, STATUS_BAD_INPUT, "mesh store: slab %u is too large", slab->index);
-    enum status status =
-        reserve(ctx, local, (size_t)slab->face_count + BEYOND_COUNT, vertices, slab->foreign_count);
+    enum status status = reserve(ctx, local, vertices, slab->foreign_count);
     if (status)
         return status;
 
@@ -220,7 +199,7 @@ enum status slab_local_fill(struct context *ctx, const struct slab *slab, uint32
     local->own_count = own;
     local->vertex_count = (uint32_t)vertices;
     local->vertex_first = slab->vertex_first;
-    local->links = links;
+    local->faces = faces;
     if (own)
         memcpy(local->positions, slab->positions, own * (3 * sizeof(float)));
     if (slab->foreign_count) {
@@ -228,16 +207,13 @@ enum status slab_local_fill(struct context *ctx, const struct slab *slab, uint32
                slab->foreign_count * (3 * sizeof(float)));
         memcpy(local->foreign, slab->foreign, slab->foreign_count * sizeof *local->foreign);
     }
-    status = fill_faces(ctx, slab, local);
-    if (status)
-        return status;
-    return fill_links(ctx, slab, local);
+    return fill_faces(ctx, slab, local);
 }
 
 void slab_local_clear(struct context *ctx, struct slab_local *local)
 {
-    release_faces(ctx, local);
     memory_release(ctx, &local->positions, local->vertex_capacity, 3 * sizeof *local->positions);
     memory_release(ctx, &local->foreign, local->foreign_capacity, sizeof *local->foreign);
+    memory_release(ctx, &local->seam_faces, local->seam_face_capacity, sizeof *local->seam_faces);
     memset(local, 0, sizeof *local);
 }

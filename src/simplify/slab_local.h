@@ -15,11 +15,15 @@
  */
 enum { BEYOND_BORDER = 0, BEYOND_SEAM = 1, BEYOND_COUNT = 2 };
 
-/* Four numbers a face in each of its arrays, so that a link is an index and all of a face lies in
- * one line of the cache: faces[link] is the vertex opposite the edge that the link leads over,
- * faces[link | LABEL] that face's label, links[link & ~3] its first link. links[link | NEXT_SEAM]
- * is, of a face with links to other slabs, the next such face (NO_INDEX: none), of others 0. */
-enum { FACE_STRIDE = 4, LABEL = 3, NEXT_SEAM = 3 };
+/* Six numbers a face: the vertices opposite edges 0, 1 and 2, then the links over them. So a face
+ * lies in one line of the cache, or two. */
+enum { FACE_STRIDE = 6, FACE_LINKS = 3 };
+
+/* Where the vertex of a link lies, opposite the edge there that it leads over. */
+static inline size_t link_corner(uint32_t link)
+{
+    return link + 2 * (size_t)(link >> 2);
+}
 
 /* Arrays grow as slabs ask for it and are reused from one slab to the next by the same worker. */
 struct slab_local {
@@ -29,13 +33,13 @@ struct slab_local {
     uint32_t vertex_first; /* store number of local vertex 0 */
     uint32_t *foreign;     /* store numbers of the foreign ones */
     size_t seam_links;     /* links that lead to another slab */
-    uint32_t seam_face;    /* the first of the faces that have such; NO_INDEX: none */
-    uint32_t *faces;       /* vertices opposite edges 0, 1, 2; label: UINT32_MAX when filled */
-    uint32_t *links;       /* over edges 0, 1, 2; NEXT_SEAM */
-    float *positions;      /* 3 a local vertex, and room for another, so that four can be read */
-    size_t face_capacity;  /* those beyond counted */
+    uint32_t *seam_faces;  /* the faces that have such, ascending */
+    size_t seam_face_count;
+    uint32_t *faces;  /* FACE_STRIDE a face */
+    float *positions; /* 3 a local vertex, and room for another, so that four can be read */
     size_t vertex_capacity;
     size_t foreign_capacity;
+    size_t seam_face_capacity;
 };
 
 static inline uint32_t link_beyond(const struct slab_local *local, unsigned beyond)
@@ -61,10 +65,17 @@ static inline uint32_t local_vertex_number(const struct slab_local *local, uint3
                                      : local->foreign[vertex - local->own_count];
 }
 
+/* Numbers that so many faces take: one more than they are, so that four can be written at a time.
+ */
+static inline size_t slab_local_numbers(size_t faces)
+{
+    return FACE_STRIDE * faces + 1;
+}
+
 /* Fills `local` (all zero before its first use) from a slab, which may be closed afterwards.
- * `links` has room for the faces and those beyond. A vertex that the slab's tables do not have, or
- * an edge number above 2, is STATUS_BAD_INPUT. */
-enum status slab_local_fill(struct context *ctx, const struct slab *slab, uint32_t *links,
+ * `faces` has room for slab_local_numbers(its faces). A vertex that the slab's tables do not have,
+ * or an edge number above 2, is STATUS_BAD_INPUT. */
+enum status slab_local_fill(struct context *ctx, const struct slab *slab, uint32_t *faces,
                             struct slab_local *local) MUST_CHECK;
 void slab_local_clear(struct context *ctx, struct slab_local *local);
 

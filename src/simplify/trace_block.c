@@ -18,9 +18,9 @@ static void mark_seams(struct trace *trace)
     const uint32_t seam = link_beyond(local, BEYOND_SEAM),
                    marked = (uint32_t)KIND_SEAM << CODE_SHIFT;
     uint32_t *codes = trace->scratch->codes;
-    for (uint32_t f = local->seam_face, next; f != NO_INDEX; f = next) {
-        const uint32_t *links = local->links + FACE_STRIDE * (size_t)f;
-        next = links[NEXT_SEAM];
+    for (size_t i = 0; i < local->seam_face_count; i++) {
+        const uint32_t f = local->seam_faces[i],
+                       *links = local->faces + FACE_STRIDE * (size_t)f + FACE_LINKS;
         for (unsigned k = 0; k < 3; k++)
             if (links[k] == seam)
                 codes[edge_start(local, f, k)] = codes[edge_end(local, f, k)] = marked;
@@ -179,13 +179,13 @@ static enum status gather_all(struct trace *trace, struct store *store, uint32_t
     return status;
 }
 
-/* Of the block, in place of the slab's faces, which are not looked at any more. */
+/* Of the block, at the end of the slab's faces, which are not looked at any more. */
 static enum status take_positions(struct trace *trace, size_t vertices)
 {
     struct trace_workspace *scratch = trace->scratch;
     const size_t values = 3 * vertices, there = FACE_STRIDE * (size_t)trace->local->face_count;
     if (values <= there) {
-        trace->positions = (float *)(void *)trace->local->faces;
+        trace->positions = (float *)(void *)(trace->local->faces + (there - values));
         return STATUS_OK;
     }
     enum status status =

@@ -27,8 +27,8 @@ static inline enum vertex_kind code_kind(uint32_t code)
 struct trace {
     struct context *ctx;
     const struct slab *slab;
+    struct patch_workspace *space;
     const struct slab_local *local;
-    const float *normals;
     struct trace_workspace *scratch;
     float *positions; /* of the block */
     size_t patch_count;

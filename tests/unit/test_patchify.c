@@ -272,6 +272,7 @@ static void reference_test(uint64_t seed)
         uint32_t count, *labels = calloc(slab->face_count, sizeof *labels);
         assert_int_equal(patch_grow(&fixture.ctx, slab, &options, &space, labels, &count),
                          STATUS_OK);
+        assert_int_equal(patch_growth_begin(&fixture.ctx, slab, &options, &space), STATUS_OK);
         assert_int_equal(grow_reference(slab, space.normals, &options, fixture.labels), count);
         assert_memory_equal(labels, fixture.labels, slab->face_count * sizeof *labels);
         free(labels);
@@ -582,13 +583,13 @@ static void growing_again_is_growing_anew(void **unused)
             patch_growth_again(&space, &options);
         while (patch_growth_next(&space, &patch)) {
             assert_int_equal(patch.number, count++);
-            assert_int_equal(patch.vertex_count - patch.edge_count,
+            assert_int_equal(patch.inside_count,
                              (patch.face_count + 2 - patch.edge_count) / 2); /* a disk */
         }
         grow(&fixture, &options);
         assert_int_equal(count, fixture.count);
         for (uint32_t f = 0; f < faces; f++)
-            assert_int_equal(space.local.faces[FACE_STRIDE * f + LABEL], fixture.labels[f]);
+            assert_int_equal(patch_growth_label(&space, f), fixture.labels[f]);
     }
     patch_workspace_clear(&fixture.ctx, &space);
     end(&fixture);
@@ -600,10 +601,8 @@ static void fill_normals(struct fixture *fixture, uint32_t smoothings, float *no
 {
     struct patch_workspace space = {0};
     struct patch_options options = test_patch_options(25, 20, smoothings);
-    uint32_t count;
-    assert_int_equal(
-        patch_grow(&fixture->ctx, fixture->slabs.slabs, &options, &space, fixture->labels, &count),
-        STATUS_OK);
+    assert_int_equal(patch_growth_begin(&fixture->ctx, fixture->slabs.slabs, &options, &space),
+                     STATUS_OK);
     memcpy(normals, space.normals, fixture->mesh.face_count * NORMAL_STRIDE * sizeof *normals);
     patch_workspace_clear(&fixture->ctx, &space);
 }
