@@ -124,69 +124,79 @@ LANES_INLINE void fan_parts(struct vec3x8 n, float8 parts[9])
     parts[8] = n.z;
 }
 
-/* By face, one place to the right: face j stands in j + 1, and what stands before the first is the
- * last face of a closed ring. */
-struct fan_changes {
-    float parts[9][RING_LANES + LANES];
-};
-
-/* What the faces at one end add to a fan now, less what they added before; `fresh` gets what they
- * add now. Faces that go are taken away at the first end only. */
-LANES_INLINE void compare_fans(const struct edge_change *change, int end,
-                               struct fan_changes *changes, float8 fresh[9])
+/* What eight faces from `first` at one end add to a fan now (`now`), and that less what they added
+ * before. Faces that go are taken away at the first end only. */
+LANES_INLINE void compare_fans(const struct edge_change *change, int end, uint32_t first,
+                               float8 now[9], float8 changes[9])
 {
     const struct vertex_look *look = change->looks[end];
     const int32_t both = end == 0 ? -1 : 0;
     uint32_t gone[2];
     edge_faces_gone(change, end, gone);
-    for (uint32_t first = 0; first < look->ring.count; first += LANES) {
-        const int8x32 j = lanes_count_from(first);
-        const int8x32 counts = both | ((j != (int32_t)gone[0]) & (j != (int32_t)gone[1]));
-        const struct vec3x8 n = load_from(look->normals, first);
-        const struct vec3x8 old = {lanes_where(counts, n.x), lanes_where(counts, n.y),
-                                   lanes_where(counts, n.z)};
-        float8 now[9], before[9];
-        fan_parts(load_from((const float(*)[RING_LANES])change->turned[end], first), now);
-        fan_parts(old, before);
-        for (int k = 0; k < 9; k++) {
-            fresh[k] += now[k];
-            lanes_store(changes->parts[k] + first + 1, now[k] - before[k]);
-        }
-    }
-    for (int k = 0; k < 9; k++) /* no ring is empty */
-        /* NOLINTNEXTLINE(clang-analyzer-core.uninitialized.Assign) */
-        changes->parts[k][0] = changes->parts[k][look->ring.count]; /* 0 in an open ring */
+    const int8x32 j = lanes_count_from(first);
+    const int8x32 counts = both | ((j != (int32_t)gone[0]) & (j != (int32_t)gone[1]));
+    const struct vec3x8 n = load_from(look->normals, first);
+    const struct vec3x8 old = {lanes_where(counts, n.x), lanes_where(counts, n.y),
+                               lanes_where(counts, n.z)};
+    float8 before[9];
+    fan_parts(load_from((const float(*)[RING_LANES])change->turned[end], first), now);
+    fan_parts(old, before);
+    for (int k = 0; k < 9; k++)
+        changes[k] = now[k] - before[k];
 }
 
-/* Adds to each neighbour's fan the changes of the two faces at its edge. */
-LANES_INLINE void change_fans(struct collapse *c, const struct ring *ring,
-                              const struct fan_changes *changes)
+/* Adds eight sums, or as many as there are, to the fans of ring vertices. */
+LANES_INLINE void add_to_fans(struct collapse *c, const uint32_t *vertices, uint32_t count,
+                              float8 sums[9])
 {
+    float last[LANES];
+    lanes_store(last, sums[8]);
+    lanes_transpose(sums);
+    for (uint32_t i = 0; i < count && i < LANES; i++) {
+        float *fan = (float *)&c->vertices[vertices[i]].fan; /* nine of them */
+        lanes_store(fan, lanes_load(fan) + sums[i]);
+        fan[8] += last[i];
+    }
+}
+
+/* Adds to each neighbour's fan the changes of the two faces at its edge: what stands in front of
+ * the first is the last face of a closed ring; of an open one that is 0. `fresh` gets what all
+ * faces add now. */
+LANES_INLINE void change_fans(struct collapse *c, const struct edge_change *change, int end,
+                              float8 fresh[9])
+{
+    const struct ring *ring = &change->looks[end]->ring;
+    const uint32_t last = ring->count - 1;
+    float8 now[9], changes[9];
+    float before[9];
+    if (ring->count > LANES)
+        compare_fans(change, end, last / LANES * LANES, now, changes);
+    else
+        compare_fans(change, end, 0, now, changes);
+    for (int k = 0; k < 9; k++)
+        before[k] = changes[k][last % LANES];
     for (uint32_t first = 0; first < ring->count; first += LANES) {
-        const uint32_t left = ring->count - first, used = left < LANES ? left : LANES;
         float8 sums[9];
-        for (int k = 0; k < 9; k++)
-            sums[k] =
-                lanes_load(changes->parts[k] + first) + lanes_load(changes->parts[k] + first + 1);
-        float last[LANES];
-        lanes_store(last, sums[8]);
-        lanes_transpose(sums);
-        for (uint32_t i = 0; i < used; i++) {
-            float *fan = (float *)&c->vertices[ring->vertices[first + i]].fan; /* nine of them */
-            lanes_store(fan, lanes_load(fan) + sums[i]);
-            fan[8] += last[i];
+        if (ring->count > LANES)
+            compare_fans(change, end, first, now, changes);
+        for (int k = 0; k < 9; k++) {
+            float8 shifted =
+                __builtin_shufflevector(changes[k], changes[k], 7, 0, 1, 2, 3, 4, 5, 6);
+            const float next = shifted[0];
+            shifted[0] = before[k];
+            before[k] = next;
+            fresh[k] += now[k];
+            sums[k] = shifted + changes[k];
         }
+        add_to_fans(c, ring->vertices + first, ring->count - first, sums);
     }
 }
 
 LANES_INLINE void update_fans(struct collapse *c, const struct edge_change *change, uint32_t kept)
 {
     float8 fresh[9] = {{0}};
-    struct fan_changes changes;
-    for (int end = 0; end < 2; end++) {
-        compare_fans(change, end, &changes, fresh);
-        change_fans(c, &change->looks[end]->ring, &changes);
-    }
+    for (int end = 0; end < 2; end++)
+        change_fans(c, change, end, fresh);
     struct fan *fan = &c->vertices[kept].fan;
     for (int k = 0; k < 6; k++)
         fan->square[k] = lanes_sum(fresh[k]);

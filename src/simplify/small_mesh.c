@@ -336,11 +336,23 @@ static bool own_diagonal_allowed(void *user, uint32_t i, uint32_t j)
     return entry && entry->owner == b->patch;
 }
 
+/* Asks for the chains of the patch that comes next: half of them are an earlier patch's, which lie
+ * far away. */
+static void ask_for_chains(const struct small_builder *b, uint32_t patch)
+{
+    if (patch >= b->block->patch_count)
+        return;
+    for (uint32_t i = b->use_first[patch]; i < b->use_first[patch + 1]; i++)
+        if (!small_is_seam(b, b->uses[i] >> 1))
+            __builtin_prefetch(&b->block->chains[b->uses[i] >> 1]);
+}
+
 static enum status cut_patch(struct small_builder *b, uint32_t patch)
 {
     uint32_t n = 0;
     bool alone;
     enum triangulation_quality quality = TRIANGULATION_PLANAR;
+    ask_for_chains(b, patch + 1);
     enum status status = gather_loop(b, patch, &n, &alone);
     if (status != STATUS_OK)
         return status;
