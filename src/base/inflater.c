@@ -233,7 +233,8 @@ static void inflate_some(struct inflater *in, unsigned char *to, size_t room, si
     isal->next_out = to;
     isal->avail_out = (uint32_t)(room < INT32_MAX ? room : INT32_MAX);
     const int result = isal_inflate(isal);
-    const size_t used = raw - isal->avail_in;
+    /* At an invalid symbol ISA-L may say that it took a byte more than there is. */
+    const size_t used = isal->avail_in <= raw ? raw - isal->avail_in : raw;
     *got = (size_t)(isal->next_out - to);
     use_raw(in, used);
     in->crc = checksum(in->crc, to, *got);

@@ -295,6 +295,9 @@ static void damaged_gzip_is_refused(void **state)
         file_write(place->path, packed, used);
         assert_int_equal(drain(&ctx, place->path), STATUS_BAD_INPUT);
         packed[at] ^= (unsigned char)(1 << at % 8);
+        const char *place_told = strstr(ctx.error, " byte ");
+        assert_non_null(place_told);
+        assert_true(strtoull(place_told + 6, NULL, 10) <= used);
         assert_int_equal(ctx.memory_now, 0);
         context_clear(&ctx);
     }
