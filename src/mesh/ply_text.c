@@ -21,7 +21,8 @@
 #include "base/parallel.h"
 
 enum {
-    PIECE = 128 << 10,      /* bytes of text */
+    PIECE = 64 << 10,       /* bytes of text */
+    EXTENT = 128 << 10,     /* by which the window is filled at once */
     WINDOW = 32,            /* pieces in a window that threads share, if memory allows it */
     WINDOW_SHARE = 64,      /* of the memory that is left */
     LEAST_SHARED = 1 << 14, /* rows that are worth a second thread */
@@ -210,7 +211,7 @@ static enum status cut_piece(void *user, uint64_t job, bool *is_end)
     while (!newline && got > 0) {
         const size_t before = (size_t)(text->end - r->limit);
         if (before < PIECE) {
-            enum status status = text_extend(text, PIECE, &got);
+            enum status status = text_extend(text, EXTENT, &got);
             if (status != STATUS_OK)
                 return status;
         }
@@ -324,7 +325,7 @@ static enum status read_window(struct reading *r)
 {
     struct ply *ply = r->ply;
     const bool is_shared = r->in_flight > 1 && ply->element->count - ply->row >= LEAST_SHARED;
-    enum status status = text_reserve(&ply->text, is_shared ? r->window : 2 * PIECE);
+    enum status status = text_reserve(&ply->text, is_shared ? r->window : 2 * EXTENT);
     if (status != STATUS_OK)
         return status;
     r->limit = ply->text.at;
@@ -347,9 +348,9 @@ static size_t window_size(const struct context *ctx)
     const uint64_t now = atomic_load(&ctx->memory_now);
     const uint64_t left = ctx->memory_budget > now ? ctx->memory_budget - now : 0;
     const size_t most = (size_t)WINDOW * PIECE;
-    return left / WINDOW_SHARE > most        ? most
-           : left / WINDOW_SHARE > 2 * PIECE ? (size_t)(left / WINDOW_SHARE)
-                                             : 2 * PIECE;
+    return left / WINDOW_SHARE > most         ? most
+           : left / WINDOW_SHARE > 2 * EXTENT ? (size_t)(left / WINDOW_SHARE)
+                                              : 2 * EXTENT;
 }
 
 static enum status read_rows(struct reading *r)
