@@ -357,28 +357,32 @@ static enum status append_slab(struct numbering *n)
  * not asked: what is only so for a new one is done for each, and stays or not. */
 static size_t number_run(struct numbering *n, const uint32_t *faces, size_t count, uint32_t *to)
 {
-    uint32_t *number_of = n->number_of, *ids = n->ids;
-    uint32_t next = n->next, differs = 0;
-    size_t used = n->id_used, kept = 0;
+    uint32_t *number_of = n->number_of;
+    const uint32_t slab_first = n->slab_first;
+    const uint32_t first = n->next + 1;  /* numbers are plus 1 here, as in number_of */
+    uint32_t *ids = n->ids + n->id_used; /* of the numbers from `first` on */
+    uint32_t next = first;
+    size_t kept = 0;
     for (size_t f = 0; f < count; f++, faces += 3) {
         if (faces[0] == faces[1] || faces[1] == faces[2] || faces[0] == faces[2])
             continue;
         for (unsigned k = 0; k < 3; k++) {
-            const uint32_t id = faces[k], known = number_of[id];
-            const uint32_t is_new = known == 0, mask = -is_new;
-            const uint32_t number = ((known - 1) & ~mask) | (next & mask);
-            number_of[id] = number + 1;
-            to[3 * kept + k] = number;
-            differs |= (id ^ number) & mask;
-            ids[used] = id;
-            used += is_new;
+            const uint32_t id = faces[k], known = number_of[id], is_new = known < 1;
+            const uint32_t number = known | (next & -is_new);
+            number_of[id] = number;
+            to[3 * kept + k] = number - 1;
+            ids[next - first] = id;
             next += is_new;
-            number_note_use(n, number);
+            if (number <= slab_first)
+                number_note_use(n, number - 1);
         }
         kept++;
     }
-    n->next = next;
-    n->id_used = used;
+    n->next = next - 1;
+    n->id_used += next - first;
+    uint32_t differs = 0;
+    for (uint32_t i = 0; i < next - first; i++)
+        differs |= ids[i] ^ (first - 1 + i);
     n->is_identity &= differs == 0;
     return kept;
 }
