@@ -87,36 +87,66 @@ static enum status enter_rim_face(const struct draft *draft, struct surveyor *s,
     return status;
 }
 
-/* All vertices of which something is said say the same; that they don't, or nothing is said, is
- * rare and so guessed right. */
+/* All vertices of which something is said say the same. */
 static inline bool is_agreed(uint32_t a, uint32_t b, uint32_t c, uint32_t *saying)
 {
     uint32_t least = a - 1 < b - 1 ? a - 1 : b - 1, most = a > b ? a : b; /* of UNKNOWN: the end */
     least = c - 1 < least ? c - 1 : least;
     most = c > most ? c : most;
     *saying = most;
-    return (most - 1 == least) && most != UNKNOWN;
+    return (most - 1 == least) & (most != UNKNOWN);
+}
+
+/* From face i on, as long as faces have no shared vertex and their old ones agree: most do, so that
+ * the question is guessed right. Returns the first that is not so. */
+static inline uint32_t enter_agreed(const uint32_t *faces, uint32_t i,
+                                    const struct slab_scope *scope, uint32_t *said, uint32_t *marks)
+{
+    const uint32_t first = scope->vertex_first, own = scope->own_count, count = scope->face_count;
+    for (; i < count; i++) {
+        const uint32_t *face = faces + 3 * (size_t)i;
+        const uint32_t a = face[0] - first, b = face[1] - first, c = face[2] - first;
+        uint32_t saying;
+        if (!((a < own) & (b < own) & (c < own)) ||
+            !is_agreed(said[a], said[b], said[c], &saying) || saying == SHARED)
+            break;
+        marks[i] = (saying - 1) << CORNER_BITS;
+        said[a] = said[b] = said[c] = saying;
+    }
+    return i;
+}
+
+static bool is_rim_face(const struct slab_scope *scope, const uint32_t *face, const uint32_t *said)
+{
+    for (unsigned k = 0; k < 3; k++) {
+        const uint32_t own = face[k] - scope->vertex_first;
+        if (own >= scope->own_count || said[own] == SHARED)
+            return true;
+    }
+    return false;
 }
 
 static enum status enter_faces(const struct draft *draft, struct surveyor *s)
 {
-    const uint32_t first = s->scope->vertex_first, own = s->scope->own_count;
-    const uint32_t *face = draft->faces + 3 * (size_t)s->scope->face_first;
-    uint32_t *said = s->said, *marks = s->marks;
-    const uint32_t count = s->scope->face_count;
+    const struct slab_scope *scope = s->scope;
+    const uint32_t *faces = draft->faces + 3 * (size_t)scope->face_first;
     enum status status = STATUS_OK;
-    for (uint32_t i = 0; i < count && status == STATUS_OK; i++, face += 3) {
-        const uint32_t a = face[0] - first, b = face[1] - first, c = face[2] - first;
-        uint32_t saying;
-        if (!((a < own) & (b < own) & (c < own)) || ((said[a] | said[b] | said[c]) & SHARED)) {
+    for (uint32_t i = 0; status == STATUS_OK; i++) {
+        i = enter_agreed(faces, i, scope, s->said, s->marks);
+        if (i >= scope->face_count)
+            break;
+        const uint32_t *face = faces + 3 * (size_t)i;
+        if (is_rim_face(scope, face, s->said)) {
             status = enter_rim_face(draft, s, i);
             continue;
         }
-        if (is_agreed(said[a], said[b], said[c], &saying))
-            marks[i] = (saying - 1) << CORNER_BITS;
-        else
-            status = enter_face(s, i, (uint32_t[]){said[a], said[b], said[c]}, 3, &saying);
-        said[a] = said[b] = said[c] = saying;
+        uint32_t *said[3], sayings[3], saying;
+        for (unsigned k = 0; k < 3; k++) {
+            said[k] = &s->said[face[k] - scope->vertex_first];
+            sayings[k] = *said[k];
+        }
+        status = enter_face(s, i, sayings, 3, &saying);
+        *said[0] = *said[1] = *said[2] = saying;
     }
     return status;
 }
