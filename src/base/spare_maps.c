@@ -11,7 +11,7 @@
  *
  * Where the system puts a map, a large page (2 MiB) fits only from the first multiple of its size
  * on, and what lies before and behind comes in small ones, hundreds of faults for each block. So
- * large maps are put at such multiples.
+ * large maps are put at such multiples, cut back to them, and not made of smaller ones.
  */
 #include "base/spare_maps.h"
 
@@ -104,6 +104,12 @@ void *map_resize(void *map, size_t old_bytes, size_t new_bytes)
 
 /* ---- the interface ---- */
 
+/* A large map that begins with less than a large page begins with small ones. */
+static bool is_worth_it(size_t spare, size_t bytes)
+{
+    return bytes < LARGE_PAGE || spare >= LARGE_PAGE;
+}
+
 void spare_maps_put(struct spare_maps *spares, void *map, size_t bytes)
 {
     struct spare_map dropped = {map, bytes};
@@ -127,8 +133,8 @@ void *spare_maps_take(struct spare_maps *spares, size_t bytes, size_t *used)
     struct spare_map spare = {NULL, 0};
     *used = 0;
     pthread_mutex_lock(&spares->lock);
-    if (spares->count > 0) {
-        const unsigned best = best_for(spares, bytes);
+    const unsigned best = spares->count > 0 ? best_for(spares, bytes) : 0;
+    if (spares->count > 0 && is_worth_it(spares->list[best].bytes, bytes)) {
         spare = spares->list[best];
         remove_entry(spares, best);
         if (spare.bytes > bytes) {
@@ -159,7 +165,8 @@ void spare_maps_trim(struct spare_maps *spares, uint64_t most)
         const uint64_t excess = bytes - most;
         const unsigned i = best_for(spares, (size_t)excess);
         const struct spare_map spare = spares->list[i];
-        const size_t kept = spare.bytes > excess ? (spare.bytes - (size_t)excess) / page * page : 0;
+        const size_t rest = spare.bytes > excess ? spare.bytes - (size_t)excess : 0;
+        const size_t kept = rest - rest % (rest < LARGE_PAGE ? page : LARGE_PAGE);
         remove_entry(spares, i);
         if (kept > 0)
             add_entry(spares, spare.at, kept);

@@ -31,6 +31,7 @@ struct gathering { /* of one array */
     struct spool to;
     size_t size; /* of an element */
     bool finds_box;
+    struct box box;
     _Alignas(8) unsigned char batch[BATCH_BYTES];
     size_t used;
 
@@ -50,30 +51,50 @@ static inline uint32_t old_vertex(struct gathering *g, uint64_t v)
     return g->copy_of[id - g->base_count];
 }
 
-static void empty_box(double low[3], double high[3])
+static struct box empty_box(void)
 {
-    for (int i = 0; i < 3; i++) {
-        low[i] = INFINITY;
-        high[i] = -INFINITY;
-    }
+    return (struct box){{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
 }
 
-/* So that it holds `count` positions, too; of equal ones (0 and -0) the first stays. */
-static void widen_box(const void *positions, size_t count, bool is_float32, double box_low[3],
-                      double box_high[3])
+typedef float float4 __attribute__((vector_size(16)));
+typedef int32_t int4 __attribute__((vector_size(16)));
+
+static inline float4 choose(int4 mask, float4 a, float4 b)
 {
-    double low[3], high[3], p[3];
-    memcpy(low, box_low, sizeof low);
-    memcpy(high, box_high, sizeof high);
-    for (size_t v = 0; v < count; v++) {
-        position_at(positions, is_float32, v, p);
-        for (int i = 0; i < 3; i++) {
-            low[i] = p[i] < low[i] ? p[i] : low[i];
-            high[i] = p[i] > high[i] ? p[i] : high[i];
+    return (float4)((mask & (int4)a) | (~mask & (int4)b));
+}
+
+static void widen_by(double value, unsigned axis, struct box *box)
+{
+    box->low[axis] = value < box->low[axis] ? value : box->low[axis];
+    box->high[axis] = value > box->high[axis] ? value : box->high[axis];
+}
+
+/* So that it holds `count` positions, too. (Of 0 and -0 either may be the limit.) */
+static void widen_box(const void *positions, size_t count, bool is_float32, struct box *box)
+{
+    const float *floats = positions;
+    const double *doubles = positions;
+    size_t at = 0;
+    if (is_float32 && count >= 4) { /* four positions are three vectors */
+        float4 low[3], high[3];
+        memcpy(low, floats, sizeof low);
+        memcpy(high, floats, sizeof high);
+        for (at = 12; at + 12 <= 3 * count; at += 12)
+            for (unsigned i = 0; i < 3; i++) {
+                float4 values;
+                memcpy(&values, floats + at + 4 * (size_t)i, sizeof values);
+                low[i] = choose(values < low[i], values, low[i]);
+                high[i] = choose(values > high[i], values, high[i]);
+            }
+        for (unsigned i = 0; i < 12; i++) {
+            widen_by((double)low[i / 4][i % 4], i % 3, box);
+            widen_by((double)high[i / 4][i % 4], i % 3, box);
         }
     }
-    memcpy(box_low, low, sizeof low);
-    memcpy(box_high, high, sizeof high);
+    for (; at < 3 * count; at += 3)
+        for (unsigned i = 0; i < 3; i++)
+            widen_by(is_float32 ? (double)floats[at + i] : doubles[at + i], i, box);
 }
 
 static enum status flush(struct gathering *g)
@@ -81,8 +102,7 @@ static enum status flush(struct gathering *g)
     struct draft *draft = g->draft;
     size_t used = g->used;
     if (g->finds_box)
-        widen_box(g->batch, used / draft_position_size(draft), draft->is_float32, draft->box_low,
-                  draft->box_high);
+        widen_box(g->batch, used / draft_position_size(draft), draft->is_float32, &g->box);
     g->used = 0;
     return spool_append(&g->to, g->batch, used);
 }
@@ -152,8 +172,8 @@ static enum status gather_some(void *user, uint64_t job, unsigned worker)
             memcpy(to + size * v, g->from + size * ids[v], size);
     if (g->finds_box) {
         struct box *box = &g->boxes[job % g->in_flight];
-        empty_box(box->low, box->high);
-        widen_box(to, count, g->draft->is_float32, box->low, box->high);
+        *box = empty_box();
+        widen_box(to, count, g->draft->is_float32, box);
     }
     return STATUS_OK;
 }
@@ -161,13 +181,10 @@ static enum status gather_some(void *user, uint64_t job, unsigned worker)
 static enum status add_box(void *user, uint64_t job)
 {
     struct gathering *g = user;
-    struct draft *draft = g->draft;
     const struct box *box = &g->boxes[job % g->in_flight];
-    for (int i = 0; i < 3 && g->finds_box; i++) {
-        if (box->low[i] < draft->box_low[i])
-            draft->box_low[i] = box->low[i];
-        if (box->high[i] > draft->box_high[i])
-            draft->box_high[i] = box->high[i];
+    for (unsigned i = 0; i < 3 && g->finds_box; i++) {
+        widen_by(box->low[i], i, &g->box);
+        widen_by(box->high[i], i, &g->box);
     }
     return STATUS_OK;
 }
@@ -249,13 +266,16 @@ enum status draft_gather(struct draft *draft, const struct spool *id_spool, cons
             visits_begin(&draft->room, &g->copy_visits, copy_spool, room_left(&draft->room) / 8);
     void *data;
     g->finds_box = !draft->has_box;
-    if (g->finds_box)
-        empty_box(draft->box_low, draft->box_high);
+    g->box = empty_box();
     if (status == STATUS_OK)
         status = gather_array(g, &draft->position_spool, draft->positions,
                               draft_position_size(draft), &data);
     if (status == STATUS_OK)
         draft->positions = data;
+    if (status == STATUS_OK && g->finds_box) {
+        memcpy(draft->box_low, g->box.low, sizeof g->box.low);
+        memcpy(draft->box_high, g->box.high, sizeof g->box.high);
+    }
     draft->has_box = status == STATUS_OK;
     g->finds_box = false;
     if (status == STATUS_OK && draft->records) {

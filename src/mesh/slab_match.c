@@ -405,6 +405,7 @@ LANES_AVX2 static enum status match_all_avx2(const struct draft *draft, const st
 enum status slab_match(struct draft *draft, uint32_t slab, struct slab_matcher *m, bool *is_plain)
 {
     struct context *ctx = draft->ctx;
+    const size_t capacity_before = m->corner_capacity;
     enum status status = scope_enter(draft, slab, &m->scope);
     if (status == STATUS_OK)
         status = memory_reserve(ctx, &m->end, &m->end_capacity, scope_local_count(&m->scope),
@@ -417,6 +418,8 @@ enum status slab_match(struct draft *draft, uint32_t slab, struct slab_matcher *
                                 sizeof *m->rim);
     if (status != STATUS_OK)
         return status;
+    if (m->corner_capacity > capacity_before)
+        memory_use_whole(m->corners, m->corner_capacity, sizeof *m->corners);
     const uint32_t first = m->scope.face_first;
     const struct slab_edges s = {draft->faces + 3 * (size_t)first,
                                  draft->neighbours + 3 * (size_t)first, draft->mates + first,
