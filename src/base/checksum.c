@@ -1,16 +1,15 @@
 /*
- * CRC-32, by libdeflate: a table lookup a byte takes seconds a gigabyte; carry-less multiplication
- * checks data about as fast as memory gives it.
+ * CRC-32, by ISA-L: a table lookup a byte takes seconds a gigabyte; carry-less multiplication, four
+ * to sixteen words at a time, checks data faster than memory gives it (55 GB/s where
+ * libdeflate 1.14 has 14).
  */
 #include "base/checksum.h"
 
-#include <libdeflate.h>
+#include <isa-l/crc.h>
 
 uint32_t checksum(uint32_t crc, const void *data, size_t size)
 {
-    if (size == 0) /* libdeflate takes a NULL buffer for "start again" */
-        return crc;
-    return libdeflate_crc32(crc, data, size);
+    return size ? crc32_gzip_refl(crc, data, size) : crc;
 }
 
 /* Of two polynomials modulo that of the CRC; the highest bit is the coefficient of x^0. */

@@ -1,4 +1,4 @@
-/* CRC-32 (the polynomial of gzip and zlib), computed by libdeflate with the machine's own
+/* CRC-32 (the polynomial of gzip and zlib), computed by ISA-L with the machine's own
  * carry-less multiplication where it has one. */
 #ifndef SPBM_BASE_CHECKSUM_H
 #define SPBM_BASE_CHECKSUM_H

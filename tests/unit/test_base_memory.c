@@ -394,9 +394,11 @@ static void checksum_is_that_of_gzip(void **state)
 {
     (void)state;
     assert_int_equal(checksum(0, "123456789", 9), 0xCBF43926u);
-    unsigned char data[1000];
+    unsigned char data[5000];
     for (size_t i = 0; i < sizeof data; i++)
         data[i] = (unsigned char)(i * i + 3);
+    for (size_t size = 0; size < 300; size++) /* at any place */
+        assert_int_equal(checksum(0, data + size % 67, size), slow_crc(data + size % 67, size));
     for (size_t size = 0; size < sizeof data; size += 37) {
         uint32_t whole = slow_crc(data, size);
         assert_int_equal(checksum(0, data, size), whole);
