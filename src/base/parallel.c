@@ -5,9 +5,8 @@
  * takes the next number. What that changes from run to run is only who does what and when: results
  * belong to the job's number, and where their order matters (a file written front to back) `finish`
  * is called in that order, by whichever thread finds the next one done, while the others work on. A
- * stream that only one can read at a time is cut into jobs by `begin` in the same way, and who cut
- * a job works on it: no thread has a part of its own, so all have enough to do whichever part is
- * long.
+ * stream that only one can read at a time is cut into jobs by `begin` in the same way. No thread
+ * has a part of its own: it finishes what it can, else cuts what it may, else works.
  *
  * A thread that is created for each call costs 20 microseconds, and 100 before it runs; where other
  * processes are at work it may be milliseconds, and its end is waited for though it did nothing. To
@@ -41,9 +40,10 @@ struct team {
 
     pthread_mutex_t lock;
     pthread_cond_t changed;
+    uint64_t cut;      /* jobs [0, cut) are there to be begun (if there is `begin`) */
     uint64_t next;     /* job to hand out */
     uint64_t finished; /* jobs [0, finished) are finished (pipeline) */
-    bool is_beginning; /* some thread is in begin(), for job next - 1 */
+    bool is_cutting;   /* some thread is in begin() */
     bool is_finishing; /* some thread is in finish() */
     bool *is_done;     /* a ring of in_flight flags: work(job) has returned, job % in_flight */
     enum status failed;
@@ -75,30 +75,10 @@ static void note_failure(struct team *team, uint64_t job, enum status status)
     }
 }
 
-/* Calls `begin`, unlocked; the lock is held before and after. False when there is no such job. */
-static bool cut_job(struct team *team, uint64_t job)
-{
-    bool is_end = false;
-    team->is_beginning = true;
-    pthread_mutex_unlock(&team->lock);
-    enum status status = poll_cancel(team->ctx);
-    if (status == STATUS_OK)
-        status = team->begin(team->user, job, &is_end);
-    pthread_mutex_lock(&team->lock);
-    team->is_beginning = false;
-    note_failure(team, job, status);
-    if (status != STATUS_OK || is_end)
-        team->jobs = team->next = job;
-    pthread_cond_broadcast(&team->changed);
-    return status == STATUS_OK && !is_end;
-}
-
 /* Begins the next job and does it, unlocked; the lock is held before and after. Returns which. */
 static uint64_t do_next(struct team *team, unsigned worker)
 {
     const uint64_t job = team->next++;
-    if (team->begin && !cut_job(team, job))
-        return job;
     pthread_mutex_unlock(&team->lock);
     enum status status = poll_cancel(team->ctx);
     if (status == STATUS_OK)
@@ -122,34 +102,64 @@ static bool can_finish(const struct team *team)
            team->is_done[team->finished % team->in_flight];
 }
 
+static bool can_cut(const struct team *team)
+{
+    return team->begin && !team->is_cutting && team->cut < team->jobs &&
+           team->cut - team->finished < team->in_flight;
+}
+
 static bool can_begin(const struct team *team)
 {
-    return !team->is_beginning && team->next < team->jobs &&
+    return team->next < (team->begin ? team->cut : team->jobs) &&
            team->next - team->finished < team->in_flight;
+}
+
+/* The lock is held before and after these, as for do_next. */
+static void finish_next(struct team *team)
+{
+    const uint64_t job = team->finished;
+    team->is_finishing = true;
+    pthread_mutex_unlock(&team->lock);
+    enum status status = team->finish(team->user, job);
+    pthread_mutex_lock(&team->lock);
+    note_failure(team, job, status);
+    team->is_done[job % team->in_flight] = false;
+    team->is_finishing = false;
+    team->finished++;
+}
+
+static void cut_next(struct team *team)
+{
+    bool is_end = false;
+    team->is_cutting = true;
+    pthread_mutex_unlock(&team->lock);
+    enum status status = poll_cancel(team->ctx);
+    if (status == STATUS_OK)
+        status = team->begin(team->user, team->cut, &is_end);
+    pthread_mutex_lock(&team->lock);
+    note_failure(team, team->cut, status);
+    team->is_cutting = false;
+    if (is_end)
+        team->jobs = team->cut;
+    else
+        team->cut++;
 }
 
 static void run_pipeline(struct team *team, unsigned worker)
 {
     pthread_mutex_lock(&team->lock);
     while (team->failed == STATUS_OK && team->finished < team->jobs) {
-        if (can_finish(team)) {
-            uint64_t job = team->finished;
-            team->is_finishing = true;
-            pthread_mutex_unlock(&team->lock);
-            enum status status = team->finish(team->user, job);
-            pthread_mutex_lock(&team->lock);
-            note_failure(team, job, status);
-            team->is_done[job % team->in_flight] = false;
-            team->is_finishing = false;
-            team->finished++;
-            pthread_cond_broadcast(&team->changed);
-        } else if (can_begin(team)) {
-            const uint64_t job = do_next(team, worker);
-            team->is_done[job % team->in_flight] = true;
-            pthread_cond_broadcast(&team->changed);
-        } else {
+        if (can_finish(team))
+            finish_next(team);
+        else if (can_cut(team))
+            cut_next(team);
+        else if (can_begin(team))
+            team->is_done[do_next(team, worker) % team->in_flight] = true;
+        else {
             pthread_cond_wait(&team->changed, &team->lock);
+            continue;
         }
+        pthread_cond_broadcast(&team->changed);
     }
     pthread_mutex_unlock(&team->lock);
 }

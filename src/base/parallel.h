@@ -34,9 +34,10 @@ enum status parallel_ordered(struct context *ctx, uint64_t jobs, unsigned in_fli
                              enum status (*finish)(void *user, uint64_t job),
                              void *user) MUST_CHECK;
 
-/* The same for jobs whose number shows on the way: before each job's work `begin(user, job,
- * &is_end)` on one thread at a time, strictly in the order of the jobs. It may say that there is no
- * such job: then it is the end, once those before it are finished. in_flight is at least 1. */
+/* The same for jobs whose number shows on the way: some time before each job's work `begin(user,
+ * job, &is_end)` on one thread at a time, strictly in the order of the jobs. It may say that there
+ * is no such job: then it is the end, once those before it are finished. in_flight is at least 1.
+ */
 enum status parallel_stream(struct context *ctx, unsigned in_flight,
                             enum status (*begin)(void *user, uint64_t job, bool *is_end),
                             enum status (*work)(void *user, uint64_t job, unsigned worker),

@@ -26,7 +26,7 @@ enum {
     WINDOW = 32,            /* pieces in a window that threads share, if memory allows it */
     WINDOW_SHARE = 64,      /* of the memory that is left */
     LEAST_SHARED = 1 << 14, /* rows that are worth a second thread */
-    IN_FLIGHT_MAX = 6,
+    IN_FLIGHT_MAX = 8,
     LEAST_TAKEN = 1024, /* rows; when it was fewer, more rows are read singly the next time */
     MOST_SINGLE = 1 << 20,
     TRIANGLE_BYTES = 2 + 3 * 9 + 1
@@ -424,7 +424,7 @@ enum status ply_read_lines(struct ply *ply)
 {
     struct reading r = {.ply = ply, .has_faces = ply->index_list >= 0};
     const unsigned threads = ply->ctx->threads;
-    r.in_flight = threads < 2 ? 1 : threads + 1 < IN_FLIGHT_MAX ? threads + 1 : IN_FLIGHT_MAX;
+    r.in_flight = threads < 2 ? 1 : threads + 2 < IN_FLIGHT_MAX ? threads + 2 : IN_FLIGHT_MAX;
     r.window = window_size(ply->ctx);
     r.field_count = ply->element->property_count;
     r.has_only_list = r.has_faces && r.field_count == 1;
