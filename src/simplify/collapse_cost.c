@@ -274,6 +274,19 @@ LANES_INLINE float longest_square(const struct vertex_look *look)
     return lanes_largest(longest);
 }
 
+/* Edges first.. of v have these costs; keeps the first of the cheapest so far. */
+LANES_INLINE void note_costs(struct vertex_edges *e, uint32_t first, float8 costs)
+{
+    const int8x32 is_edge = lanes_count_from(first) < (int32_t)e->look.ring.count;
+    costs = lanes_choose(is_edge, costs, lanes_all(INFINITY));
+    lanes_store(&e->costs[first], costs);
+    const float8 least = lanes_all_least(costs);
+    if (first > 0 && !(least[0] < e->least))
+        return;
+    e->least = least[0];
+    e->cheapest = first + lowest_bit(lanes_bits(costs == least));
+}
+
 /*
  * Costs are divided by the fourth root of the sum of squared areas round the edge. Lindstrom and
  * Turk order edges by squared volumes, that is squared distance times squared area, and so give
@@ -288,6 +301,8 @@ LANES_INLINE void evaluate(const struct collapse *c, const struct territory *t, 
     const struct fan *fan = &c->vertices[v].fan;
     struct edge_lanes lanes;
     gather(c, t, v, &e->look);
+    e->least = INFINITY;
+    e->cheapest = 0;
     if (e->look.ring.count == 0)
         return;
     make_normals(c, v, &e->look);
@@ -303,7 +318,7 @@ LANES_INLINE void evaluate(const struct collapse *c, const struct territory *t, 
         edge_lanes_weigh(c->level, fan, &lanes);
         for (int k = 0; k < 3; k++)
             lanes_store(&e->places[k][first], lanes_load(lanes.at[k]));
-        lanes_store(&e->costs[first], lanes_load(lanes.cost));
+        note_costs(e, first, lanes_load(lanes.cost));
     }
 }
 

@@ -174,6 +174,8 @@ struct vertex_look {
 struct vertex_edges {
     struct vertex_look look;
     float reach_square;
+    uint32_t cheapest;           /* edge, the first of several */
+    float least;                 /* its cost; INFINITY: there is none */
     float costs[RING_LANES];     /* INFINITY: not to be collapsed */
     float places[3][RING_LANES]; /* where the edge's vertex goes */
 };

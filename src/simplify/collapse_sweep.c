@@ -75,17 +75,17 @@ double sweep_part(const struct collapse *c)
     return pace_of(c)->part * variant_of(c)->part;
 }
 
-/* The cost of v's cheapest edge, INFINITY when it has none. */
-static float cheapest(const struct vertex_edges *edges, uint32_t *best)
+/* Edge i costs so much more now that another may be the cheapest. */
+static void raise_cost(struct vertex_edges *edges, uint32_t i, float cost)
 {
-    float least = INFINITY;
-    *best = 0;
-    for (uint32_t i = 0; i < edges->look.ring.count; i++)
-        if (edges->costs[i] < least) {
-            least = edges->costs[i];
-            *best = i;
+    edges->costs[i] = cost;
+    edges->least = INFINITY;
+    edges->cheapest = 0;
+    for (uint32_t k = 0; k < edges->look.ring.count; k++)
+        if (edges->costs[k] < edges->least) {
+            edges->least = edges->costs[k];
+            edges->cheapest = k;
         }
-    return least;
 }
 
 /* One stretch of vertices for keys_sample. */
@@ -97,13 +97,12 @@ static enum status sample_stretch(void *user, uint64_t job, unsigned worker)
     const uint64_t first = job * KEYS_STRETCH;
     const uint64_t end = first + KEYS_STRETCH < c->vertex_slots ? first + KEYS_STRETCH : whole.end;
     struct vertex_edges edges;
-    uint32_t best;
     for (uint32_t v = (uint32_t)first; v < end; v++) {
         c->keys[v] = c->vertices[v].corner == NO_INDEX ? INFINITY : 0;
         if (v % c->key_step != 0 || c->vertices[v].corner == NO_INDEX)
             continue;
         vertex_evaluate(c, &whole, v, &edges);
-        c->keys[v] = cheapest(&edges, &best);
+        c->keys[v] = edges.least;
     }
     return STATUS_OK;
 }
@@ -391,16 +390,15 @@ static enum trial try_edge(struct collapse *c, struct territory *t, uint32_t v,
 static void work_on(struct collapse *c, struct territory *t, uint32_t v, float threshold)
 {
     struct vertex_edges edges;
-    uint32_t best;
     vertex_evaluate(c, t, v, &edges);
     while (!edges.look.reaches_out) {
-        const float cost = cheapest(&edges, &best);
+        const uint32_t best = edges.cheapest;
+        const float cost = edges.least;
         c->keys[v] = cost;
         if (!(cost <= threshold) || !(cost < INFINITY) ||
             try_edge(c, t, v, &edges, best, threshold) != TRIAL_DEAR)
             return;
-        if (!(edges.costs[best] > cost))
-            edges.costs[best] = INFINITY;
+        raise_cost(&edges, best, edges.costs[best] > cost ? edges.costs[best] : INFINITY);
     }
 }
 
@@ -474,13 +472,15 @@ struct shared_sweep {
     struct collapse *collapse;
     float threshold;
     struct territory territories[TERRITORIES_MAX + 1];
+    uint32_t order[TERRITORIES_MAX + 1]; /* in which they are begun */
 };
 
 static enum status sweep_job(void *user, uint64_t job, unsigned worker)
 {
     (void)worker;
     struct shared_sweep *shared = user;
-    sweep_territory(shared->collapse, &shared->territories[job], shared->threshold);
+    struct territory *territory = &shared->territories[shared->order[job]];
+    sweep_territory(shared->collapse, territory, shared->threshold);
     return STATUS_OK;
 }
 
@@ -506,6 +506,25 @@ static uint64_t count_territories(const struct collapse *c, uint64_t most_faces)
     return c->options.together && is_large ? count : 0;
 }
 
+/* Begins with the territory where most vertices are let through, so that all threads end at about
+ * the same time. (The order does not matter to what comes out.) */
+static void order_territories(struct shared_sweep *shared, uint32_t count)
+{
+    uint32_t dues[TERRITORIES_MAX + 1];
+    for (uint32_t i = 0; i < count; i++) {
+        const struct territory *t = &shared->territories[i];
+        uint32_t due = 0, at = i;
+        for (uint32_t v = t->first; v < t->end; v++)
+            due += shared->collapse->keys[v] <= shared->threshold;
+        for (; at > 0 && dues[at - 1] < due; at--) {
+            dues[at] = dues[at - 1];
+            shared->order[at] = shared->order[at - 1];
+        }
+        dues[at] = due;
+        shared->order[at] = i;
+    }
+}
+
 /* Works in all runs at once; `halves` is 1 when they are shifted by half a run. */
 static enum status sweep_runs(struct shared_sweep *shared, uint64_t count, uint64_t halves,
                               uint64_t most_faces)
@@ -522,6 +541,7 @@ static enum status sweep_runs(struct shared_sweep *shared, uint64_t count, uint6
                                .leaf = UINT32_MAX};
         first = end;
     }
+    order_territories(shared, (uint32_t)runs);
     enum status status = parallel_for(c->ctx, runs, sweep_job, shared);
     for (uint64_t i = 0; i < runs; i++)
         account_for(c, &shared->territories[i]);

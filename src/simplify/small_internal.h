@@ -1,9 +1,10 @@
 /*
- * What small_mesh.c, small_chains.c and small_loss.c share: a block's small mesh while it is built.
+ * What small_mesh.c, small_edges.c, small_chains.c and small_loss.c share: a block's small mesh while it is built.
  */
 #ifndef SPBM_SIMPLIFY_SMALL_INTERNAL_H
 #define SPBM_SIMPLIFY_SMALL_INTERNAL_H
 
+#include "base/ranked_bits.h"
 #include "simplify/small_bulge.h"
 #include "simplify/small_mesh.h"
 
@@ -34,6 +35,9 @@ struct small_builder {
     size_t heads_count;
     struct edge_entry *entries;
     uint32_t entry_count, entry_capacity;
+    uint64_t *seen; /* a bit for each of all edges entered, several edges having the same */
+    size_t seen_words;
+    unsigned seen_shift; /* from 32 bits to the number of one of them */
     float *line; /* one chain's positions */
     float *line_errors;
     uint32_t line_capacity;
@@ -106,6 +110,34 @@ static inline bool small_on_seam(const struct small_builder *b, uint32_t v)
     return v >= b->block->junction_count &&
            v < b->block->junction_count + b->block->seam_vertex_count;
 }
+
+/* ---- small_edges.c ---- */
+
+static inline size_t small_edge_bit(const struct small_builder *b, uint32_t low, uint32_t high)
+{
+    return (low * 0x9e3779b1u ^ high * 0x85ebca6bu) * 0xc2b2ae35u >> b->seen_shift;
+}
+
+/* The edge between two vertices; NULL: it has not been added. */
+static inline struct edge_entry *small_edge_find(const struct small_builder *b, uint32_t u,
+                                                 uint32_t v)
+{
+    const uint32_t low = u < v ? u : v, high = u < v ? v : u;
+    if (!bit_is_set(b->seen, small_edge_bit(b, low, high)))
+        return NULL;
+    for (uint32_t i = b->heads[low]; i != NO_INDEX; i = b->entries[i].next)
+        if (b->entries[i].high == high)
+            return &b->entries[i];
+    return NULL;
+}
+
+enum status small_edge_add(struct small_builder *builder, uint32_t u, uint32_t v, uint32_t owner,
+                           uint32_t chain) MUST_CHECK;
+/* Room for so many edges in all. */
+enum status small_edges_reserve(struct small_builder *builder, size_t edges) MUST_CHECK;
+/* Before the first is added, of about so many. */
+enum status small_edges_take_seen(struct small_builder *builder, size_t edges) MUST_CHECK;
+void small_edges_forget(struct small_builder *builder);
 
 /* ---- small_chains.c ---- */
 

@@ -29,43 +29,16 @@ enum { OWNER_TAKEN = UINT32_MAX }; /* else the patch for which an edge is reserv
 
 #define BORDER UINT64_MAX /* instead of a patch */
 
-/* ---- the table of edges ---- */
-
-static struct edge_entry *find_edge(const struct small_builder *b, uint32_t u, uint32_t v)
-{
-    const uint32_t low = u < v ? u : v, high = u < v ? v : u;
-    for (uint32_t i = b->heads[low]; i != NO_INDEX; i = b->entries[i].next)
-        if (b->entries[i].high == high)
-            return &b->entries[i];
-    return NULL;
-}
-
-static enum status add_edge(struct small_builder *b, uint32_t u, uint32_t v, uint32_t owner,
-                            uint32_t chain)
-{
-    if (b->entry_count == b->entry_capacity) {
-        size_t capacity = b->entry_capacity;
-        enum status status = memory_reserve(b->ctx, &b->entries, &capacity,
-                                            (size_t)b->entry_count + 1, sizeof *b->entries);
-        if (status != STATUS_OK)
-            return status;
-        b->entry_capacity = (uint32_t)capacity;
-    }
-    const uint32_t low = u < v ? u : v, high = u < v ? v : u;
-    b->entries[b->entry_count] = (struct edge_entry){high, b->heads[low], owner, chain};
-    b->heads[low] = b->entry_count++;
-    return STATUS_OK;
-}
+/* ---- edges ---- */
 
 static enum status reserve_diagonals(struct small_builder *b)
 {
-    b->entry_count = 0;
-    memset(b->heads, 0xff, b->block->vertex_count * sizeof *b->heads);
+    small_edges_forget(b);
     for (uint32_t p = 0; p < b->block->patch_count; p++) {
         const struct patch *patch = &b->block->patches[p];
         for (uint32_t i = 0; i < patch->diagonal_count; i++) {
             const uint32_t *d = b->block->diagonals + 2 * ((size_t)patch->diagonal_first + i);
-            enum status status = add_edge(b, d[0], d[1], p, NO_INDEX);
+            enum status status = small_edge_add(b, d[0], d[1], p, NO_INDEX);
             if (status != STATUS_OK)
                 return status;
         }
@@ -99,9 +72,9 @@ static enum status resolve_clash(struct small_builder *b, uint32_t chain, struct
 static inline enum status enter_segment(struct small_builder *b, uint32_t chain, uint32_t from,
                                         uint32_t to, bool *clash)
 {
-    struct edge_entry *entry = find_edge(b, from, to);
+    struct edge_entry *entry = small_edge_find(b, from, to);
     return entry ? resolve_clash(b, chain, entry, clash)
-                 : add_edge(b, from, to, OWNER_TAKEN, chain);
+                 : small_edge_add(b, from, to, OWNER_TAKEN, chain);
 }
 
 static enum status enter_chain(struct small_builder *b, uint32_t chain, bool *clash)
@@ -120,16 +93,6 @@ static enum status enter_chain(struct small_builder *b, uint32_t chain, bool *cl
     return enter_segment(b, chain, from, line.end, clash);
 }
 
-/* Makes room for what is to come, as far as it is known: arrays that grow bit by bit move, and
- * touch memory that nobody has touched. */
-static enum status reserve_entries(struct small_builder *b, size_t needed)
-{
-    size_t capacity = b->entry_capacity;
-    enum status status = memory_reserve(b->ctx, &b->entries, &capacity, needed, sizeof *b->entries);
-    b->entry_capacity = (uint32_t)capacity;
-    return status;
-}
-
 /* A loop of n corners is cut into n - 2 faces by n - 3 diagonals; nearly all segments are on two.
  */
 static enum status reserve_faces(struct small_builder *b)
@@ -137,7 +100,7 @@ static enum status reserve_faces(struct small_builder *b)
     const size_t corners = 2 * (size_t)b->segment_count, patches = b->block->patch_count;
     const size_t diagonals = corners > 3 * patches ? corners - 3 * patches : 0;
     size_t capacity = b->face_capacity;
-    enum status status = reserve_entries(b, b->entry_count + diagonals);
+    enum status status = small_edges_reserve(b, b->entry_count + diagonals);
     if (status == STATUS_OK)
         status =
             memory_reserve(b->ctx, &b->faces, &capacity, diagonals + patches, 3 * sizeof *b->faces);
@@ -149,7 +112,10 @@ static enum status cut_chains(struct small_builder *b)
 {
     for (uint32_t chain = 0; chain < b->chain_total; chain++)
         small_chain_cut(b, chain);
-    enum status status = reserve_entries(b, (size_t)b->block->diagonal_count + b->segment_count);
+    enum status status =
+        small_edges_reserve(b, (size_t)b->block->diagonal_count + b->segment_count);
+    if (status == STATUS_OK)
+        status = small_edges_take_seen(b, b->block->diagonal_count + 2 * (size_t)b->segment_count);
     if (status != STATUS_OK)
         return status;
     for (bool clash = true; clash;) {
@@ -236,7 +202,7 @@ static bool diagonal_allowed(void *user, uint32_t i, uint32_t j)
 {
     const struct small_builder *b = user;
     const uint32_t u = b->loop[i], v = b->loop[j];
-    const struct edge_entry *entry = find_edge(b, u, v);
+    const struct edge_entry *entry = small_edge_find(b, u, v);
     if (entry)
         return entry->owner == b->patch;
     return !small_on_seam(b, u) || !small_on_seam(b, v);
@@ -264,12 +230,12 @@ static enum status take_side(struct small_builder *b, uint32_t n, uint32_t i, ui
 {
     if (i > j || j - i == 1 || (i == 0 && j == n - 1))
         return STATUS_OK; /* each diagonal is met in both directions: enter it going up */
-    struct edge_entry *entry = find_edge(b, b->loop[i], b->loop[j]);
+    struct edge_entry *entry = small_edge_find(b, b->loop[i], b->loop[j]);
     if (entry) {
         entry->owner = OWNER_TAKEN;
         return STATUS_OK;
     }
-    return add_edge(b, b->loop[i], b->loop[j], OWNER_TAKEN, NO_INDEX);
+    return small_edge_add(b, b->loop[i], b->loop[j], OWNER_TAKEN, NO_INDEX);
 }
 
 static enum status take_triangles(struct small_builder *b, uint32_t n, const uint32_t *triangles)
@@ -332,7 +298,7 @@ static enum status cut_fan(struct small_builder *b, uint32_t n, uint32_t centre)
 static bool own_diagonal_allowed(void *user, uint32_t i, uint32_t j)
 {
     const struct small_builder *b = user;
-    const struct edge_entry *entry = find_edge(b, b->loop[i], b->loop[j]);
+    const struct edge_entry *entry = small_edge_find(b, b->loop[i], b->loop[j]);
     return entry && entry->owner == b->patch;
 }
 
@@ -551,6 +517,7 @@ static void release_arrays(struct small_builder *b)
     struct context *ctx = b->ctx;
     const size_t vertices = b->block->vertex_count;
     memory_release(ctx, &b->faces, b->face_capacity, 3 * sizeof *b->faces);
+    memory_release(ctx, &b->seen, b->seen_words, sizeof *b->seen);
     memory_release(ctx, &b->entries, b->entry_capacity, sizeof *b->entries);
     memory_release(ctx, &b->triangles, b->loop_capacity, 3 * sizeof *b->triangles);
     memory_release(ctx, &b->points, b->loop_capacity, 3 * sizeof *b->points);
