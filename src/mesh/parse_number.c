@@ -274,8 +274,9 @@ static bool are_too_many(const unsigned char *first, const unsigned char *end)
     return digits > DIGITS_MAX;
 }
 
-static const unsigned char *parse_any_real(const unsigned char *at, const unsigned char *end,
-                                           struct parsed_number *number)
+/* Not inlined: what it saves and restores would be the quick way's too. */
+__attribute__((noinline)) static const unsigned char *
+parse_any_real(const unsigned char *at, const unsigned char *end, struct parsed_number *number)
 {
     const unsigned char *start = at;
     bool is_negative = at < end && *at == '-';

@@ -34,6 +34,7 @@ enum {
 
 struct field { /* of a vertex */
     int role;
+    bool is_float32_axis;
     enum scalar_type type;
     uint32_t offset; /* in the record */
 };
@@ -99,25 +100,25 @@ static inline const unsigned char *end_line(const unsigned char *at)
 static const unsigned char *parse_vertex(const struct reading *r, struct piece *piece,
                                          const unsigned char *at, const unsigned char *end)
 {
-    double *position = piece->positions + 3 * piece->rows;
-    unsigned char *record = piece->records + piece->rows * r->ply->batch.stride;
-    for (uint32_t i = 0; i < r->field_count; i++) {
-        const struct field *field = &r->fields[i];
+    double *const position = piece->positions + 3 * piece->rows;
+    const struct field *const fields = r->fields, *const fields_end = fields + r->field_count;
+    for (const struct field *field = fields; field < fields_end; field++) {
         struct parsed_number number;
         at = skip_blanks(at);
         const unsigned char *stop = parse_real(at, end, &number);
         if (!stop || !is_blank(*stop))
             return NULL;
         at = stop;
-        if (field->role >= PLY_FIRST_ATTRIBUTE) {
+        if (field->is_float32_axis && number.fits_float32) { /* is finite, and rounded is one */
+            position[field->role] = (double)(float)number.value;
+        } else if (field->role >= PLY_FIRST_ATTRIBUTE) {
+            unsigned char *record = piece->records + piece->rows * r->ply->batch.stride;
             unsigned char bytes[8];
             if (!ply_store_scalar(field->type, number.value, bytes))
                 return NULL;
             memcpy(record + field->offset, bytes, scalar_size(field->type));
         } else if (field->role >= 0) {
-            double value = number.value;
-            if (field->type == SCALAR_FLOAT32 && number.fits_float32)
-                value = (double)(float)value;
+            const double value = number.value;
             if (value - value != 0)
                 return NULL;
             piece->is_float32 &= (double)(float)value == value;
@@ -415,6 +416,8 @@ static void plan_fields(struct reading *r)
     for (uint32_t i = 0; i < r->field_count; i++) {
         struct field *field = &r->fields[i];
         *field = (struct field){.role = ply->role[i], .type = ply_property(ply, i)->type};
+        field->is_float32_axis =
+            field->role >= 0 && field->role < PLY_FIRST_ATTRIBUTE && field->type == SCALAR_FLOAT32;
         if (field->role >= PLY_FIRST_ATTRIBUTE)
             field->offset = ply->attributes.list[field->role - PLY_FIRST_ATTRIBUTE].offset;
     }
