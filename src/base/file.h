@@ -94,6 +94,10 @@ enum status spool_reserve(struct spool *spool, uint64_t size) MUST_CHECK;
 /* Appends `size` bytes at once, for the caller to fill in before he does anything else with the
  * spool, if they may be in memory; else nothing, and *room is NULL. */
 enum status spool_extend(struct spool *spool, uint64_t size, void **room) MUST_CHECK;
+/* Where the next `size` bytes will lie, if they have room in memory already, else NULL; spool_fill
+ * appends as many of them as have been written there. */
+void *spool_room(const struct spool *spool, uint64_t size);
+void spool_fill(struct spool *spool, uint64_t size);
 /* Ends the appending. *data is valid until spool_clear, and may be written to (a private change
  * of an in-memory spool, a shared one of a file). `*data` is never NULL, even for size 0. */
 enum status spool_seal(struct spool *spool, void **data) MUST_CHECK;

@@ -28,6 +28,7 @@
 
 enum {
     PIECE = 1 << 20,                /* bytes read at once, at most */
+    FIRST_PIECE = 128 << 10,        /* the same at first, since others may read what follows */
     FIRST_CAPACITY = PIECE + 65536, /* a piece and what may be left over of the one before */
     INFLATED_PIECE = 128 << 10,     /* the same, of what is inflated */
     LARGEST_RECORD = 64 << 20,
@@ -47,7 +48,8 @@ struct instream {
     size_t capacity, begin, end;
     uint64_t position; /* of `begin` in the stream */
 
-    size_t digest_from; /* plain only, as are: */
+    size_t piece; /* to be read next; plain only, as are: */
+    size_t digest_from;
     uint32_t digest;
     uint64_t raw_size; /* bytes before digest_from */
 
@@ -118,6 +120,7 @@ enum status instream_open(struct context *ctx, const char *path, struct instream
         return status;
     stream->ctx = ctx;
     stream->fd = -1;
+    stream->piece = FIRST_PIECE;
 
     const char *name = strcmp(path, "-") == 0 ? "standard input" : path;
     status = memory_take(ctx, strlen(name) + 1, 1, &stream->name);
@@ -173,12 +176,13 @@ static void digest_taken(struct instream *stream)
 
 static enum status fill_plain(struct instream *stream)
 {
-    size_t room = stream->capacity - stream->end;
+    const size_t room = stream->capacity - stream->end, piece = stream->piece;
     size_t got;
     enum status status =
-        read_piece(stream, stream->buffer + stream->end, room < PIECE ? room : PIECE, &got);
+        read_piece(stream, stream->buffer + stream->end, room < piece ? room : piece, &got);
     if (status != STATUS_OK)
         return status;
+    stream->piece = 2 * piece < PIECE ? 2 * piece : PIECE;
     stream->end += got;
     stream->ended = stream->raw_ended;
     return STATUS_OK;
@@ -317,6 +321,7 @@ enum status instream_skip(struct instream *stream, uint64_t size, uint32_t crc)
     stream->position += size;
     stream->begin = stream->end = stream->digest_from = 0;
     stream->ended = stream->raw_ended = false;
+    stream->piece = FIRST_PIECE;
     if (lseek(stream->fd, (off_t)stream->position, SEEK_SET) < 0)
         return fail_errno(stream->ctx, errno, "%s: cannot be read", stream->name);
     return STATUS_OK;

@@ -153,6 +153,20 @@ enum status spool_extend(struct spool *spool, uint64_t size, void **room)
     return status;
 }
 
+void *spool_room(const struct spool *spool, uint64_t size)
+{
+    const bool is_there = spool->fd < 0 && !spool->is_sealed && spool->memory &&
+                          size <= spool->capacity - spool->used &&
+                          spool->size + size <= spool->memory_limit;
+    return is_there ? spool->memory + spool->used : NULL;
+}
+
+void spool_fill(struct spool *spool, uint64_t size)
+{
+    spool->used += (size_t)size;
+    spool->size += size;
+}
+
 enum status spool_set_private(struct spool *spool, bool is_private)
 {
     if (!spool->map)

@@ -406,8 +406,13 @@ static enum status number_runs(struct numbering *n, const uint32_t *faces, size_
         }
         if (status != STATUS_OK)
             return status;
-        const size_t kept = number_run(n, faces, run, batch);
-        status = spool_append(to, batch, 3 * kept * sizeof *batch);
+        uint32_t *place = spool_room(to, 3 * run * sizeof *batch);
+        const size_t kept = number_run(n, faces, run, place ? place : batch);
+        const size_t size = 3 * kept * sizeof *batch;
+        if (place)
+            spool_fill(to, size);
+        else
+            status = spool_append(to, batch, size);
         n->kept += kept;
         faces += 3 * run;
         count -= run;
