@@ -3,10 +3,10 @@
 
 What slabs cost in accuracy: each mesh is simplified from a store of one slab and from one of
 several, to the same counts, and measured. The dragon and the brain have the program's own slabs (of
-2^18 faces: 4 and 12), the small meshes thirteen much smaller ones. The error near seams, within ten
+2^16 faces: 14 and 47), the small meshes thirteen much smaller ones. The error near seams, within ten
 mean edges of a vertex that lies in two slabs, is compared with that elsewhere.
 
-A store's slab has at most 2^18 faces, so DIR is a build whose slabs may be larger:
+A store's slab has at most 2^18 faces, as a whole mesh, so DIR is a build whose slabs may be larger:
 
     meson setup DIR -Dbuildtype=release -Dc_args=-DSPBM_SLAB_SHIFT=22
 

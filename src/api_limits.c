@@ -27,7 +27,7 @@ static uint64_t least_memory(enum run_stage stage, const struct run_size *size, 
     case STAGE_IMPORT:
         return store_build_least_memory(threads, size->faces, size->stride);
     case STAGE_PATCHIFY:
-        return chain_build_least_memory(threads, size->stride);
+        return chain_build_least_memory(threads, size->faces, size->stride);
     case STAGE_LOD:
         return lod_least_memory(&size->target, size->faces, threads, size->stride);
     case RUN_STAGES:

@@ -114,7 +114,7 @@ static void hold_slabs(struct run *run, struct import_options *import)
         return;
     const unsigned threads = fitting_threads(run->job, STAGE_PATCHIFY, &run->size);
     run->slabs.most_bytes = spare_memory(run);
-    run->slabs.beside = chain_build_memory_beside(threads);
+    run->slabs.beside = chain_build_memory_beside(threads, run->size.faces);
     import->hold = &run->slabs;
 }
 

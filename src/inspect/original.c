@@ -20,13 +20,13 @@
 enum {
     SPOOL_MEMORY = 4 << 20, /* bytes of a spool that stay in memory */
     WELD_MEMORY = 32 << 20,
-    MAPPED_MEMORY = 80 << 20, /* bytes of the spools' files that may stay mapped */
-    SLAB_PIECES = SLAB_FACES / PIECE_FACES
+    MAPPED_MEMORY = 80 << 20 /* bytes of the spools' files that may stay mapped */
 };
 
 struct original {
     struct context *ctx;
-    struct store *store; /* or NULL, and then: */
+    struct store *store;  /* or NULL, and then what follows slab_pieces: */
+    uint32_t slab_pieces; /* to a slab */
     struct room room;
     struct ingest ingest;
     struct spool merged_spool;
@@ -130,7 +130,9 @@ static enum status look_at_store(struct original *original, const char *path,
     quality->area = info->area;
     quality->genus = (int64_t)info->topology.components -
                      (info->topology.euler + (int64_t)info->topology.border_loops) / 2;
-    original->piece_count = (uint64_t)info->slab_count * SLAB_PIECES;
+    original->slab_pieces =
+        info->slab_shift > PIECE_SHIFT ? (uint32_t)1 << (info->slab_shift - PIECE_SHIFT) : 1;
+    original->piece_count = (uint64_t)info->slab_count * original->slab_pieces;
 
     /* The volume is not in the store: signed tetrahedra towards a corner of the box. */
     struct original_piece piece = {0};
@@ -258,16 +260,17 @@ static enum status load_from_store(struct original *original, uint64_t index, bo
                                    struct original_piece *piece)
 {
     const double *origin = store_info(original->store)->origin;
+    const uint32_t pieces = original->slab_pieces, part = (uint32_t)(index % pieces);
     struct slab slab = {0};
-    enum status status = slab_open(original->store, (uint32_t)(index / SLAB_PIECES), &slab);
+    enum status status = slab_open(original->store, (uint32_t)(index / pieces), &slab);
     if (status != STATUS_OK)
         return status;
-    uint32_t part = (uint32_t)(index % SLAB_PIECES), first = part * PIECE_FACES;
+    uint32_t first = part * PIECE_FACES;
     uint32_t faces = slab.face_count > first ? slab.face_count - first : 0;
     faces = faces < PIECE_FACES ? faces : PIECE_FACES;
     uint64_t own = slab.vertex_end - slab.vertex_first;
-    uint32_t vertex_from = (uint32_t)(own * part / SLAB_PIECES);
-    uint32_t vertex_to = with_vertices ? (uint32_t)(own * (part + 1) / SLAB_PIECES) : vertex_from;
+    uint32_t vertex_from = (uint32_t)(own * part / pieces);
+    uint32_t vertex_to = with_vertices ? (uint32_t)(own * (part + 1) / pieces) : vertex_from;
 
     status = reserve(piece, faces, vertex_to - vertex_from);
     if (status == STATUS_OK) {

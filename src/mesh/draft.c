@@ -15,7 +15,8 @@ void draft_init(struct context *ctx, struct draft *draft, const char *beside, un
     draft->ctx = ctx;
     draft->slab_shift = slab_shift ? slab_shift : SLAB_SHIFT;
     draft->index_limit = mesh_limit;
-    room_divide(ctx, &draft->room, beside, draft->slab_shift, working_memory);
+    room_divide(ctx, &draft->room, beside, slab_shift ? slab_shift : SLAB_SHIFT_MAX,
+                working_memory);
 }
 
 void draft_release_slabs(struct draft *draft)

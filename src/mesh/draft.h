@@ -69,7 +69,7 @@ struct draft {
     uint64_t foreign_corners; /* corners whose vertex an earlier slab used first */
 };
 
-/* slab_shift 0: SLAB_SHIFT; working_memory: as for room_divide. */
+/* slab_shift 0: SLAB_SHIFT, until it is known better; working_memory: as for room_divide. */
 void draft_init(struct context *ctx, struct draft *draft, const char *beside, unsigned slab_shift,
                 uint64_t working_memory);
 void draft_clear(struct draft *draft);

@@ -214,6 +214,10 @@ static enum status end_slabs(struct draft *draft, const struct numbering *n)
     draft->face_count = n->kept;
     draft->vertex_count = n->next;
     draft->foreign_corners = n->foreign_corners;
+    if (slabs == 1) { /* which was several while it was not known how few faces there are */
+        memset(draft->shared, 0, size);
+        draft->foreign_corners = 0;
+    }
     return STATUS_OK;
 }
 

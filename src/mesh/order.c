@@ -298,7 +298,7 @@ uint64_t order_crossing_limit(const struct draft *draft)
     if (draft->slab_count <= 1 || draft->slab_shift < JUDGED_SHIFT_MIN)
         return UINT64_MAX;
     uint64_t sides = (uint64_t)CROSSING_PER_SLAB * draft->slab_count;
-    return sides >> ((SLAB_SHIFT - draft->slab_shift) / 2);
+    return sides >> ((SLAB_SHIFT_MAX - draft->slab_shift) / 2);
 }
 
 struct crossing_count { /* one a worker */

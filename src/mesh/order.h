@@ -6,12 +6,12 @@
 
 #include "mesh/slab_geometry.h"
 
-/* How many edges a slab may have, on average, that cross to another slab, for the input's order to
- * be kept. (A slab compact in space has about 2,000.) */
+/* How many edges a slab of 2^SLAB_SHIFT_MAX faces may have, on average, that cross to another slab,
+ * for the input's order to be kept. (A slab compact in space has about 2,000.) */
 enum { CROSSING_PER_SLAB = 4096 };
 
-/* The same for all slabs, as a limit for adjacency_build. Slabs of tests, smaller by 4^n, may have
- * 2^n times fewer; those of less than 64 faces are nothing but seams and keep any order. A single
+/* The same for all slabs, as a limit for adjacency_build. Slabs smaller by 4^n may have 2^n times
+ * fewer; those of less than 64 faces are nothing but seams and keep any order. A single
  * slab keeps its order. */
 uint64_t order_crossing_limit(const struct draft *draft);
 

@@ -184,8 +184,11 @@ static enum status take_faces(struct build *build)
     struct spool merged_spool = {0};
     uint32_t *merged = NULL;
     uint64_t degenerate = 0, welded;
+    const uint64_t triangles = ingest->face_count + cleaning->degenerate_faces;
     if (ingest->face_count == 0 && cleaning->degenerate_faces == 0)
         return has_no_faces(build, "");
+    if (!build->options->slab_shift)
+        draft->slab_shift = slab_shift_of(triangles);
     enum status status = weld_find(ingest, build->options->weld, &merged_spool, &merged, &welded);
     cleaning->welded_vertices += welded;
     if (status == STATUS_OK)
@@ -376,15 +379,15 @@ static enum status run(struct build *build, const char *store_path)
 uint64_t store_build_least_memory(unsigned threads, uint64_t faces, uint32_t stride)
 {
     (void)threads;
-    return room_least(SLAB_SHIFT, faces, stride);
+    return room_least(SLAB_SHIFT_MAX, faces, stride);
 }
 
 static enum status build_store(struct build *build, const char *store_path, struct store_info *info)
 {
     const unsigned shift = build->options->slab_shift;
-    if (shift && (shift < STORE_SHIFT_MIN || shift > SLAB_SHIFT))
+    if (shift && (shift < STORE_SHIFT_MIN || shift > SLAB_SHIFT_MAX))
         return fail(build->ctx, STATUS_MISUSE, "slabs can't have 2^%u faces", shift);
-    const uint64_t least = room_least(shift ? shift : SLAB_SHIFT, 0, 0);
+    const uint64_t least = room_least(shift ? shift : SLAB_SHIFT_MAX, 0, 0);
     if (build->ctx->memory_budget < least)
         return fail(build->ctx, STATUS_NO_MEMORY,
                     "import needs a memory budget of at least %llu bytes",

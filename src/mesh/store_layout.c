@@ -116,7 +116,7 @@ void store_info_encode(const struct store_info *info, unsigned char bytes[STORE_
 static const char *judge_info(const struct store_info *info)
 {
     const struct topology *t = &info->topology;
-    if (info->slab_shift < STORE_SHIFT_MIN || info->slab_shift > SLAB_SHIFT)
+    if (info->slab_shift < STORE_SHIFT_MIN || info->slab_shift > SLAB_SHIFT_MAX)
         return "the slab size is out of range";
     if (t->vertices < 3 || t->faces < 1 || t->vertices > UINT32_MAX - 1 ||
         t->faces > UINT32_MAX - 1 || t->vertices > 3 * t->faces)

@@ -171,41 +171,55 @@ static void fill_info(struct chain_info *info, const struct store_info *store,
 }
 
 /*
- * Memory, in bytes of a slab of F = 2^18 faces that a worker has in hand, the worst being that
- * every face is a patch of its own:
+ * Memory, in bytes of a slab of F faces that a worker has in hand, the worst being that every face
+ * is a patch of its own:
  *
  *     faces, normals and their spare      24 F + 2 * 16 F   (all serve twice over)
  *     positions                                      6 F
  *     chains and patches, an eighth to spare  1.125 * (1.5 * 24 + 44) F
  *     packed, waiting to be written             2 * 12 F
  *
- * which is 44 MiB; with attributes the slab is mapped (31 F), and their records lie in slab, block
- * and packed block. What is shared is the seams' least, the sample that angles are fitted to, the
- * writer and what there is of each slab: 64 bytes.
+ * which is 11 MiB for slabs of 2^16 faces, and 44 for a mesh that is one of 2^18; with attributes
+ * the slab is mapped (31 F), and their records lie in slab, block and packed block. What is shared
+ * is the seams' least, the sample that angles are fitted to, the writer and what there is of each
+ * slab: 64 bytes.
  */
-enum { WORKER_MEMORY = 44 << 20, MAPPED_MEMORY = 8 << 20, SHARED_MEMORY = 6 << 20 };
-/* On scans a worker takes 20 to 25 MiB, of which a slab that is forgotten gives 31 F back. */
-enum { BESIDE_MEMORY = 14 << 20 };
+enum { WORKER_A_FACE = 176, MAPPED_A_FACE = 32, SHARED_MEMORY = 6 << 20 };
+/* On scans a worker takes 80 to 100 bytes a face, of which a slab that is forgotten gives 31 back.
+ */
+enum { BESIDE_A_FACE = 56 };
 
-uint64_t chain_build_least_memory(unsigned threads, uint32_t stride)
+/* The number of faces may be a guess by a text's first lines: near the bound, the more. */
+static uint64_t slab_faces_of(uint64_t faces)
 {
-    const uint64_t records = 3 * (uint64_t)SLAB_FACES * stride;
-    return SHARED_MEMORY +
-           (uint64_t)threads * (WORKER_MEMORY + records + (stride ? MAPPED_MEMORY : 0));
+    return (uint64_t)1 << slab_shift_of(faces / 2);
 }
 
-uint64_t chain_build_memory_beside(unsigned threads)
+static uint64_t least_memory(unsigned threads, uint64_t slab_faces, uint32_t stride)
 {
-    return threads * (uint64_t)BESIDE_MEMORY;
+    const uint64_t a_face = WORKER_A_FACE + 3 * (uint64_t)stride + (stride ? MAPPED_A_FACE : 0);
+    return SHARED_MEMORY + threads * slab_faces * a_face;
+}
+
+uint64_t chain_build_least_memory(unsigned threads, uint64_t faces, uint32_t stride)
+{
+    return least_memory(threads, slab_faces_of(faces), stride);
+}
+
+uint64_t chain_build_memory_beside(unsigned threads, uint64_t faces)
+{
+    return threads * slab_faces_of(faces) * BESIDE_A_FACE;
 }
 
 /* Fewer than asked for where that is all that the budget, or the number of slabs, has room for. */
-static unsigned choose_workers(const struct context *ctx, uint32_t stride, uint32_t slab_count)
+static unsigned choose_workers(const struct context *ctx, const struct store_info *store)
 {
+    const uint64_t slab_faces = (uint64_t)1 << store->slab_shift;
+    const uint32_t slab_count = store->slab_count, stride = store->attributes.stride;
     unsigned workers = ctx->threads ? ctx->threads : 1;
     if (workers > slab_count)
         workers = slab_count ? slab_count : 1;
-    while (workers > 1 && chain_build_least_memory(workers, stride) > ctx->memory_budget)
+    while (workers > 1 && least_memory(workers, slab_faces, stride) > ctx->memory_budget)
         workers--;
     return workers;
 }
@@ -214,7 +228,8 @@ static unsigned choose_workers(const struct context *ctx, uint32_t stride, uint3
 static uint64_t seam_limit(const struct build *build)
 {
     const uint64_t budget = build->ctx->memory_budget;
-    const uint64_t taken = chain_build_least_memory(build->worker_count, build->stride);
+    const uint64_t slab_faces = (uint64_t)1 << store_info(build->store)->slab_shift;
+    const uint64_t taken = least_memory(build->worker_count, slab_faces, build->stride);
     const uint64_t limit = budget > taken ? (budget - taken) / 2 : 0;
     if (limit > SEAM_LIMIT_MAX)
         return SEAM_LIMIT_MAX;
@@ -259,7 +274,7 @@ static enum status open_all(struct build *build, const char *store_path, const c
     build->slab_count = store->slab_count;
     build->level = request->level;
     build->hold = request->hold;
-    build->worker_count = choose_workers(ctx, build->stride, build->slab_count);
+    build->worker_count = choose_workers(ctx, store);
     /* One for each at work, and one to be written; no more threads are used than are in flight. */
     build->in_flight = build->worker_count + (build->worker_count == ctx->threads);
     status = store_crc(build->store, &build->info.store_crc);

@@ -187,10 +187,10 @@ const char *chain_info_decode(const unsigned char *from, size_t size, struct cha
     for (unsigned i = 0; i < 3; i++)
         if (info->box_low[i] > info->box_high[i] || (info->is_float32 && info->origin[i] != 0))
             return "the box or the origin is impossible";
-    /* A slab has SLAB_FACES faces at most: what is claimed of the whole is bounded by what is
+    /* A slab has SLAB_FACES_MAX faces at most: what is claimed of the whole is bounded by what is
      * there. */
     if (info->topology.faces > UINT32_MAX || info->topology.vertices > UINT32_MAX ||
-        info->topology.faces > (uint64_t)info->slab_count * SLAB_FACES ||
+        info->topology.faces > (uint64_t)info->slab_count * SLAB_FACES_MAX ||
         info->patches > info->topology.faces || info->most_faces > info->topology.faces ||
         info->chain_vertices > info->topology.vertices || info->junctions > info->chain_vertices ||
         info->seam_chains > info->chains)

@@ -39,7 +39,7 @@ uint64_t lod_least_memory(const struct target *target, uint64_t faces, unsigned 
         return (uint64_t)(16 * fixed / 3 + (double)faces / 16 * chain_vertex);
     if (faces > 0 && target->effort <= 3) {
         double part = 0.08 + small_of_level[target->effort] * finest / (double)faces;
-        leaf = leaf_face * SLAB_FACES * (part < 1 ? part : 1);
+        leaf = leaf_face * SLAB_FACES_MAX * (part < 1 ? part : 1);
     }
     return (uint64_t)(fixed + threads * leaf + finest * root_face);
 }

@@ -3,9 +3,10 @@
  *
  * The plain way is to collapse the edges of the whole surface. Here the patches have flattened most
  * of it already: each block gives a small mesh (small_mesh.h) of its chains and patches alone.
- * Blocks are independent jobs, their seam vertices locked, and go down to SLACK times the density
- * that the finest level needs; then they are joined, JOIN_WIDTH at a time along the curve, what has
- * become interior is unlocked and goes down with the rest, up to the root, which makes the levels
+ * Leaves, of LEAF_WIDTH neighbouring blocks, are independent jobs, their seam vertices locked, and
+ * go down to SLACK times the density that the finest level needs; then they are joined, JOIN_WIDTH
+ * at a time along the curve, what has become interior is unlocked and goes down with the rest, up
+ * to the root, which makes the levels
  * (lod_levels.c). The finest level is the one that the chain file was made for, if none that is
  * asked for is finer, so that the root is the same for all. Down to SLACK times the density no
  * collapse comes near the errors that the levels will have, so that they are measured only where an
@@ -24,9 +25,11 @@
 #include "simplify/lod_levels.h"
 #include "simplify/small_mesh.h"
 
-enum { JOIN_WIDTH = 8 };
+/* A leaf's blocks are joined before it is thinned, as what seams hold back is left to the root:
+ * with a block a leaf, lod takes a sixth longer on a scan of a million faces. */
+enum { LEAF_WIDTH = 4, JOIN_WIDTH = 8 };
 
-/* A block is left with so many times the faces that the finest level would give it, by effort:
+/* A leaf is left with so many times the faces that the finest level would give it, by effort:
  * enough for the root to choose where they are needed, and for the locked seams not to show. What
  * is done below the root is done roughly. The means do not hang on that from 3 times on (22 levels
  * of dragon, cranium, brain and two generated scans: within 1 %, but with 2.5 the brain's at 30,600
@@ -37,7 +40,7 @@ static const double SLACK[4] = {10, 3, 4, 10};
  * effort: taking it up would cost more than what the next node has to do less. The root's memory is
  * counted with ten times the finest level. */
 static const double NEARLY[4] = {1, 2, 2, 1};
-/* A block is collapsed up to this part of the finest level's error. */
+/* A leaf is collapsed up to this part of the finest level's error. */
 static const double ERROR_PART = 0.5;
 /* Chain tolerance as a part of the mean edge of the finest level, and of the finest error. */
 static const double EDGE_PART = 0.03;
@@ -49,6 +52,13 @@ static const double GIVEN_BACK = 0.4;
 struct node_job {
     uint64_t work;
     uint32_t node;
+};
+
+/* A block's mesh as it was at first (small_mesh.h). */
+struct built {
+    uint64_t faces;
+    double lost;
+    bool is_cut;
 };
 
 struct lod {
@@ -67,7 +77,7 @@ struct lod {
     struct small_mesh *nodes;       /* of one stage of the tree */
     struct node_job *jobs;          /* of one stage, the largest first */
     uint64_t *weights;              /* patches below each node */
-    uint64_t *built;                /* faces of each block's mesh at first */
+    struct built *built;            /* of each block */
     double lost;                    /* of the blocks' meshes, the largest */
     bool is_cut;                    /* any of them */
     uint32_t node_count;
@@ -102,6 +112,34 @@ static void choose_fineness(struct lod *lod)
 
 /* ---- one node of the tree ---- */
 
+/* `width` neighbours, or what is left of them, become one. */
+struct group {
+    uint32_t first, count;
+};
+
+static uint32_t count_groups(uint32_t count, uint32_t width)
+{
+    return (uint32_t)(((uint64_t)count + width - 1) / width);
+}
+
+static struct group group_of(uint32_t count, uint64_t index, uint32_t width)
+{
+    const uint32_t first = (uint32_t)index * width, left = count - first;
+    return (struct group){first, left < width ? left : width};
+}
+
+/* The first of each group moves to where the group counts. */
+static void close_up(struct lod *lod, uint32_t groups, uint32_t width)
+{
+    for (uint32_t i = 1; i < groups; i++) {
+        lod->nodes[i] = lod->nodes[i * width];
+        lod->weights[i] = lod->weights[i * width];
+        memset(&lod->nodes[i * width], 0, sizeof *lod->nodes);
+    }
+    lod->node_count = groups;
+    lod->span *= width;
+}
+
 static int compare_jobs(const void *a, const void *b)
 {
     const struct node_job *first = a, *second = b;
@@ -131,7 +169,7 @@ static enum status thin_node(struct lod *lod, uint32_t node)
     const double part = (double)lod->weights[node] / (double)(lod->info->patches + 1);
     const uint32_t effort = lod->collapse.effort;
     double wanted = lod->finest_faces ? SLACK[effort] * part * (double)lod->finest_faces : 0;
-    const double enough = lod->span > 1 ? NEARLY[effort] * wanted : wanted;
+    const double enough = lod->span > LEAF_WIDTH ? NEARLY[effort] * wanted : wanted;
     if ((double)mesh->triangles.face_count <= enough || lod->node_count == 1)
         return STATUS_OK;
     options.keep_guards = true; /* the root has more to choose from */
@@ -166,40 +204,31 @@ static enum status thin_node(struct lod *lod, uint32_t node)
     return status;
 }
 
-static enum status make_leaf(void *user, uint64_t job, unsigned worker)
+static enum status build_block(struct lod *lod, uint32_t slab, unsigned worker)
 {
-    struct lod *lod = user;
-    const uint32_t slab = lod->jobs[job].node;
+    struct small_mesh *mesh = &lod->nodes[slab];
     struct chain_block block;
     enum status status = chain_block_read(lod->file, slab, &block);
     if (status != STATUS_OK)
         return status;
     status = small_mesh_build(lod->ctx, &lod->spaces[worker], lod->stride, &block, lod->tolerance,
-                              lod->collapse.subset ? 0 : GIVEN_BACK, &lod->nodes[slab]);
+                              lod->collapse.subset ? 0 : GIVEN_BACK, mesh);
     lod->weights[slab] = block.patch_count;
-    lod->built[slab] = lod->nodes[slab].triangles.face_count;
+    lod->built[slab] = (struct built){mesh->triangles.face_count, mesh->lost, mesh->is_cut};
     chain_block_release(lod->file, &block);
-    return status == STATUS_OK ? thin_node(lod, slab) : status;
+    return status;
 }
 
-static uint32_t parents_of(uint32_t nodes)
+/* Joins the nodes [first, first + count), which stand for `span` slabs each, all but the last; the
+ * whole takes the place of the first. */
+static enum status join_nodes(struct lod *lod, uint32_t first, uint32_t count, uint32_t span)
 {
-    return (nodes + JOIN_WIDTH - 1) / JOIN_WIDTH;
-}
-
-/* The joined mesh takes the place of its first child. */
-static enum status join_children(void *user, uint64_t job, unsigned worker)
-{
-    (void)worker;
-    struct lod *lod = user;
-    const uint32_t first = (uint32_t)job * JOIN_WIDTH;
-    const uint32_t left = lod->node_count - first, count = left < JOIN_WIDTH ? left : JOIN_WIDTH;
-    const uint64_t slab_first = (uint64_t)first * lod->span;
-    const uint64_t slab_end = slab_first + (uint64_t)count * lod->span;
+    const uint64_t slab_first = (uint64_t)first * span,
+                   slab_end = slab_first + (uint64_t)count * span;
+    const uint32_t slabs = lod->info->slab_count;
     struct small_mesh whole;
     enum status status = small_mesh_join(lod->ctx, lod->stride, (uint32_t)slab_first,
-                                         slab_end < lod->info->slab_count ? (uint32_t)slab_end
-                                                                          : lod->info->slab_count,
+                                         slab_end < slabs ? (uint32_t)slab_end : slabs,
                                          lod->nodes + first, count, &whole);
     if (status != STATUS_OK)
         return status;
@@ -207,6 +236,26 @@ static enum status join_children(void *user, uint64_t job, unsigned worker)
     for (uint32_t i = 1; i < count; i++)
         lod->weights[first] += lod->weights[first + i];
     return STATUS_OK;
+}
+
+static enum status make_leaf(void *user, uint64_t job, unsigned worker)
+{
+    struct lod *lod = user;
+    const struct group leaf = group_of(lod->info->slab_count, lod->jobs[job].node, LEAF_WIDTH);
+    enum status status = STATUS_OK;
+    for (uint32_t i = 0; i < leaf.count && status == STATUS_OK; i++)
+        status = build_block(lod, leaf.first + i, worker);
+    if (status == STATUS_OK && leaf.count > 1)
+        status = join_nodes(lod, leaf.first, leaf.count, 1);
+    return status == STATUS_OK ? thin_node(lod, leaf.first) : status;
+}
+
+static enum status join_children(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct lod *lod = user;
+    const struct group children = group_of(lod->node_count, job, JOIN_WIDTH);
+    return join_nodes(lod, children.first, children.count, lod->span);
 }
 
 static enum status thin_parent(void *user, uint64_t job, unsigned worker)
@@ -229,21 +278,25 @@ static void clear_nodes(struct lod *lod)
 static enum status make_leaves(struct lod *lod)
 {
     for (;;) {
-        lod->node_count = lod->info->slab_count;
+        const uint32_t slabs = lod->info->slab_count, leaves = count_groups(slabs, LEAF_WIDTH);
+        lod->node_count = leaves;
         lod->span = 1;
-        for (uint32_t i = 0; i < lod->node_count; i++)
-            lod->jobs[i] = (struct node_job){chain_block_work(lod->file, i), i};
+        for (uint32_t i = 0; i < leaves; i++)
+            lod->jobs[i] = (struct node_job){0, i};
+        for (uint32_t i = 0; i < slabs; i++)
+            lod->jobs[i / LEAF_WIDTH].work += chain_block_work(lod->file, i);
         enum status status = make_nodes(lod, make_leaf);
         if (status != STATUS_OK)
             return status;
         lod->report->small_faces = 0;
         lod->lost = 0;
         lod->is_cut = false;
-        for (uint32_t i = 0; i < lod->node_count; i++) {
-            lod->report->small_faces += lod->built[i];
-            lod->lost = fmax(lod->lost, lod->nodes[i].lost);
-            lod->is_cut |= lod->nodes[i].is_cut;
+        for (uint32_t i = 0; i < slabs; i++) {
+            lod->report->small_faces += lod->built[i].faces;
+            lod->lost = fmax(lod->lost, lod->built[i].lost);
+            lod->is_cut |= lod->built[i].is_cut;
         }
+        close_up(lod, leaves, LEAF_WIDTH);
         const double enough = 1.5 * (double)lod->finest_faces;
         if ((double)lod->report->small_faces >= enough || !(lod->is_cut || lod->lost > 0))
             return STATUS_OK;
@@ -272,21 +325,15 @@ static struct join_stage *next_stage(struct lod *lod)
     return &report->joins[report->join_count - 1];
 }
 
-/* Joins all nodes into one, stage by stage. */
-static enum status join_nodes(struct lod *lod)
+/* Joins all leaves into one, stage by stage. */
+static enum status join_leaves(struct lod *lod)
 {
     while (lod->node_count > 1) {
-        const uint32_t parents = parents_of(lod->node_count);
+        const uint32_t parents = count_groups(lod->node_count, JOIN_WIDTH);
         enum status status = parallel_for(lod->ctx, parents, join_children, lod);
         if (status != STATUS_OK)
             return status;
-        for (uint32_t i = 1; i < parents; i++) {
-            lod->nodes[i] = lod->nodes[i * JOIN_WIDTH];
-            lod->weights[i] = lod->weights[i * JOIN_WIDTH];
-            memset(&lod->nodes[i * JOIN_WIDTH], 0, sizeof *lod->nodes);
-        }
-        lod->node_count = parents;
-        lod->span *= JOIN_WIDTH;
+        close_up(lod, parents, JOIN_WIDTH);
         struct join_stage *stage = next_stage(lod);
         uint64_t largest_out = 0;
         *stage = (struct join_stage){.joins = parents};
@@ -334,7 +381,7 @@ static enum status make_root(struct lod *lod, struct trunk *trunk)
     enum status status = make_leaves(lod);
     chain_hold_clear(lod->options->hold);
     if (status == STATUS_OK)
-        status = join_nodes(lod);
+        status = join_leaves(lod);
     trunk->lost = lod->lost;
     trunk->small_faces = lod->report->small_faces;
     return status;

@@ -113,7 +113,8 @@ class StoreFormat(unittest.TestCase):
     def test_several_slabs(self):
         vertices, faces = torus(500, 270)
         store = self.compare(self.write('large.ply', ply(vertices, faces)))
-        self.assertEqual(store.slab_count, 2)
+        self.assertEqual(store.slab_count, 5)  # 2^16 faces each
+        self.assertEqual(store.shift, 16)
         self.assertEqual(store.cleaning['hilbert_ordered'], 0)
         known = {struct.unpack('<3f', struct.pack('<3f', *v)) for v in vertices}
         self.assertTrue(all(position in known for position in store.positions))

@@ -263,7 +263,7 @@ static void budgets_do_not_show(void **unused)
     static const unsigned threads[] = {1, 2, 3, 8, 64};
     for (unsigned i = 0; i < 5; i++) {
         for (unsigned all = 0; all < 2; all++) {
-            uint64_t least = chain_build_least_memory(all ? threads[i] : 1, 0);
+            uint64_t least = chain_build_least_memory(all ? threads[i] : 1, 0, 0);
             assert_true(build_within(store, path, &request, threads[i], least) <= least);
             files_must_agree(first, path);
         }
@@ -281,7 +281,7 @@ static void shattered_slabs_fit(void **unused)
     struct request request = angles(0, 0, 0);
     request.patch.level = 0;
     for (unsigned threads = 1; threads <= 2; threads++) {
-        uint64_t least = chain_build_least_memory(threads, 0);
+        uint64_t least = chain_build_least_memory(threads, 0, 0);
         (void)build_within(store, path, &request, threads, least);
     }
 }
