@@ -8,6 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "test_gzip.h"
 #include "test_kit.h"
 
 static void *longer(void *block, size_t size)
@@ -118,9 +119,12 @@ struct collected collect(import_function reader, const void *data, size_t size, 
     context_init(&ctx);
     ctx.message = listen;
     ctx.user = &all;
-    if (feed == FEED_FILE) {
+    if (feed == FEED_FILE || feed == FEED_GZIP) {
         ctx.threads = 3;
-        test_write_file(test_path("input"), data, size);
+        if (feed == FEED_GZIP)
+            gzip_write(test_path("input"), data, size);
+        else
+            test_write_file(test_path("input"), data, size);
         all.status = instream_open(&ctx, test_path("input"), &stream);
     } else {
         assert_int_equal(pipe(ends), 0);
@@ -138,7 +142,7 @@ struct collected collect(import_function reader, const void *data, size_t size, 
     }
     if (all.status == STATUS_OK)
         all.digest = instream_digest(stream);
-    if (feed != FEED_FILE) {
+    if (feed == FEED_BYTES || feed == FEED_PIECES) {
         close(ends[0]);
         /* What a refused input leaves in the pipe must not stop the feeder. */
         for (got = 1; all.status != STATUS_OK && got > 0 && stream;) {

@@ -27,7 +27,8 @@ struct collected {
 
 /* How the bytes get to the reader. */
 enum feed {
-    FEED_FILE,
+    FEED_FILE, /* with three threads, as is the next */
+    FEED_GZIP, /* a file, compressed */
     FEED_BYTES /* a pipe, one byte a write */,
     FEED_PIECES /* a pipe, odd sizes */
 };
@@ -35,7 +36,7 @@ enum feed {
 typedef enum status (*import_function)(struct context *ctx, struct instream *stream,
                                        const struct import_sink *sink);
 
-/* Runs a reader on the bytes. The input's name in messages is <test folder>/input (FEED_FILE). */
+/* Runs a reader on the bytes. The input's name in messages is <test folder>/input (of files). */
 struct collected collect(import_function reader, const void *data, size_t size, enum feed feed);
 struct collected collect_text(import_function reader, const char *text);
 void collected_free(struct collected *collected);

@@ -25,7 +25,7 @@ enum {
     EXTENT = 128 << 10,     /* by which the window is filled at once */
     WINDOW = 32,            /* pieces in a window that threads share, if memory allows it */
     WINDOW_SHARE = 64,      /* of the memory that is left */
-    LEAST_SHARED = 1 << 14, /* rows that are worth a second thread */
+    LEAST_SHARED = 1 << 12, /* rows that are worth a second thread */
     IN_FLIGHT_MAX = 8,
     LEAST_TAKEN = 1024, /* rows; when it was fewer, more rows are read singly the next time */
     MOST_SINGLE = 1 << 20,
@@ -157,31 +157,44 @@ static inline const unsigned char *parse_list(const struct reading *r, struct pi
     return at;
 }
 
-/* "3 a b c" with single spaces, which nearly all faces are; NULL: ask parse_face. */
-static inline const unsigned char *parse_triangle(const struct reading *r, struct piece *piece,
-                                                  const unsigned char *at, const unsigned char *end)
+/* An index of at most eight digits (of longer ones, the first eight); NULL: there is none. */
+static inline const unsigned char *take_index(const unsigned char *at, uint32_t *index)
 {
-    if (end - at < TRIANGLE_BYTES || at[0] != '3' || at[1] != ' ' ||
-        r->most_corners - piece->corner_count < 3)
+    const uint64_t bytes = load_u64(at);
+    const unsigned digits = digits_in_front(bytes);
+    if (digits == 0)
         return NULL;
-    uint32_t *corners = piece->corners + piece->corner_count;
-    at++;
-    for (unsigned k = 0; k < 3; k++) {
-        const uint64_t bytes = load_u64(++at);
-        const unsigned digits = digits_in_front(bytes);
-        if (digits == 0)
-            return NULL;
-        corners[k] = value_of_digits(bytes, digits);
-        at += digits;
-        if (*at != ' ' && (k < 2 || *at != '\n'))
-            return NULL;
+    *index = value_of_digits(bytes, digits);
+    return at + digits;
+}
+
+/* Lines "3 a b c" with single spaces, which nearly all faces are, as far as there are any. */
+static const unsigned char *parse_triangles(const struct reading *r, struct piece *piece,
+                                            const unsigned char *at, const unsigned char *end)
+{
+    const size_t before = piece->corner_count;
+    uint32_t *corners = piece->corners + before, *const last = piece->corners + r->most_corners - 2;
+    for (; end - at >= TRIANGLE_BYTES && corners < last; corners += 3) {
+        if (at[0] != '3' || at[1] != ' ')
+            break;
+        const unsigned char *stop = take_index(at + 2, &corners[0]);
+        if (!stop || *stop != ' ')
+            break;
+        stop = take_index(stop + 1, &corners[1]);
+        if (!stop || *stop != ' ')
+            break;
+        stop = take_index(stop + 1, &corners[2]);
+        if (!stop)
+            break;
+        stop += *stop == ' ';
+        if (*stop != '\n')
+            break;
+        at = stop + 1;
     }
-    at += *at == ' ';
-    if (*at != '\n')
-        return NULL;
-    piece->sizes[piece->rows] = 3;
-    piece->corner_count += 3;
-    return at + 1;
+    piece->corner_count = (size_t)(corners - piece->corners);
+    for (size_t rows = (piece->corner_count - before) / 3; rows > 0; rows--)
+        piece->sizes[piece->rows++] = 3;
+    return at;
 }
 
 static const unsigned char *parse_face(const struct reading *r, struct piece *piece,
@@ -239,11 +252,12 @@ static enum status parse_piece(void *user, uint64_t job, unsigned worker)
     piece->is_float32 = true;
     piece->has_polygons = false;
     while (at < end) {
-        const unsigned char *next = NULL;
-        if (!r->has_faces)
-            next = parse_vertex(r, piece, at, end);
-        else if (!r->has_only_list || !(next = parse_triangle(r, piece, at, end)))
-            next = parse_face(r, piece, at, end);
+        if (r->has_only_list)
+            at = parse_triangles(r, piece, at, end);
+        if (at == end)
+            break;
+        const unsigned char *next =
+            r->has_faces ? parse_face(r, piece, at, end) : parse_vertex(r, piece, at, end);
         if (!next)
             break;
         piece->rows++;

@@ -13,7 +13,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { TEXTS = 24, VERTICES = 9000, FACES = 9000, ROOM = 3 << 20, NOWHERE = -1 };
+enum {
+    TEXTS = 24,
+    VERTICES = 9000,
+    FACES = 9000, /* more than are read by one thread */
+    ROOM = 3 << 20,
+    NOWHERE = -1
+};
 
 struct text_maker {
     uint64_t seed;
@@ -167,12 +173,13 @@ static void rows_say_the_same_however_they_stand(void **state)
     for (unsigned seed = 0; seed < TEXTS; seed++) {
         struct text_maker lines = random_maker(seed, room), tokens = lines;
         make_text(&lines, seed * 5 % 64);
-        struct collected by_threads = collect(import_ply, room, lines.size, FEED_FILE);
+        const enum feed file = seed / 4 % 2 ? FEED_GZIP : FEED_FILE;
+        struct collected by_threads = collect(import_ply, room, lines.size, file);
         struct collected by_pipe = collect(import_ply, room, lines.size, FEED_PIECES);
         assert_int_equal(by_threads.vertex_count, VERTICES);
         tokens.is_tokens = true;
         make_text(&tokens, 0);
-        struct collected by_tokens = collect(import_ply, room, tokens.size, FEED_FILE);
+        struct collected by_tokens = collect(import_ply, room, tokens.size, file);
         assert_string_equal(by_tokens.messages, by_threads.messages);
         struct collected again = collect(import_ply, room, tokens.size, FEED_PIECES);
         assert_same(by_threads, by_tokens);
@@ -199,7 +206,8 @@ static void errors_name_their_line(void **state)
         char line[40], item[40];
         snprintf(line, sizeof line, "input: line %u: ", maker.wrong_line);
         snprintf(item, sizeof item, in_face ? "face %d: " : "vertex %d: ", row);
-        struct collected by_threads = collect(import_ply, room, maker.size, FEED_FILE);
+        const enum feed file = seed % 2 ? FEED_GZIP : FEED_FILE;
+        struct collected by_threads = collect(import_ply, room, maker.size, file);
         struct collected by_pipe = collect(import_ply, room, maker.size, FEED_PIECES);
         assert_int_equal(by_pipe.status, STATUS_BAD_INPUT);
         assert_string_equal(behind_name(by_pipe.error), behind_name(by_threads.error));
@@ -233,12 +241,48 @@ static void texts_that_end_early_are_refused(void **state)
     free(room);
 }
 
+/* Texts that fill the shared window several times, with a row here and there that is no line. */
+static void texts_may_be_long(void **state)
+{
+    (void)state;
+    enum { ROWS = 90000, LINE = 48 };
+    char *text = malloc((size_t)2 * ROWS * LINE + 1000), *at = text;
+    assert_non_null(text);
+    at += sprintf(at,
+                  "ply\nformat ascii 1.0\nelement vertex %d\nproperty float x\nproperty float y\n"
+                  "property float z\nelement face %d\nproperty list uchar int vertex_indices\n"
+                  "end_header\n",
+                  ROWS, ROWS);
+    uint64_t seed = 5;
+    for (int i = 0; i < ROWS; i++)
+        at += sprintf(at, "%.5f %.3f%s%d.5\n", i * 0.37, i * -0.011,
+                      random_below(&seed, 20000) ? " " : "\n", i);
+    for (int i = 0; i < ROWS; i++)
+        at += sprintf(at, "3 %d %d%s%d\n", i, (i + 7) % ROWS,
+                      random_below(&seed, 20000) ? " " : " \n ", (i * 31 + 1) % ROWS);
+    const size_t size = (size_t)(at - text);
+    assert_true(size > 4 << 20);
+    struct collected by_pipe = collect(import_ply, text, size, FEED_PIECES);
+    struct collected by_file = collect(import_ply, text, size, FEED_FILE);
+    assert_int_equal(by_file.vertex_count, ROWS);
+    assert_int_equal(by_file.face_count, ROWS);
+    for (int i = 0; i < ROWS; i++) {
+        assert_int_equal(by_file.indices[3 * i], i);
+        assert_true(by_file.positions[3 * i + 2] == i + 0.5);
+    }
+    assert_same(by_pipe, by_file);
+    assert_same(collect(import_ply, text, size, FEED_GZIP),
+                collect(import_ply, text, size, FEED_FILE));
+    free(text);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rows_say_the_same_however_they_stand),
         cmocka_unit_test(errors_name_their_line),
         cmocka_unit_test(texts_that_end_early_are_refused),
+        cmocka_unit_test(texts_may_be_long),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
