@@ -222,12 +222,18 @@ static void empty_node(struct bvh_node *node)
     }
 }
 
+/* The number of the triangle in that place. */
+static inline uint32_t triangle_at(const struct bvh *bvh, uint32_t place)
+{
+    return bvh->order ? bvh->order[place] : place;
+}
+
 static void bound_triangles(struct bvh *bvh, uint32_t first, uint32_t end)
 {
     for (uint32_t i = first; i < end; i++) {
         struct bvh_node *node = &bvh->nodes[i / BVH_WIDTH];
         unsigned place = i % BVH_WIDTH;
-        struct triangle t = bvh_triangle(bvh, bvh->order[i]);
+        struct triangle t = bvh_triangle(bvh, triangle_at(bvh, i));
         const struct vec3 *corner[3] = {&t.a, &t.b, &t.c};
         for (unsigned k = 0; k < 3; k++) {
             struct vec3 at = vec3_scale(vec3_sub(*corner[k], bvh->origin), bvh->scale);
@@ -281,6 +287,7 @@ enum { STRETCH = 1 << 10 }; /* triangles, whole nodes */
 struct building {
     struct bvh *bvh;
     struct centre *centres;
+    uint32_t *sorted; /* the faces, when they are to be put in order */
     size_t firsts[SHARED_MAX], counts[SHARED_MAX];
     uint32_t ranges;
 };
@@ -334,8 +341,25 @@ static enum status fill_stretch(void *user, uint64_t job, unsigned worker)
     struct bvh *bvh = building->bvh;
     const uint32_t first = (uint32_t)(job * STRETCH), end = end_of_stretch(bvh, job);
     for (uint32_t i = first; i < end; i++)
-        bvh->order[i] = building->centres[i].triangle;
+        if (building->sorted)
+            memcpy(building->sorted + 3 * (size_t)i, building->centres[i].at,
+                   3 * sizeof *building->sorted);
+        else
+            bvh->order[i] = building->centres[i].triangle;
     bound_triangles(bvh, first, end);
+    return STATUS_OK;
+}
+
+/* Centres are not needed any more once the triangles are in order: the corners of each go there. */
+static enum status fetch_corners(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct building *building = user;
+    const struct bvh *bvh = building->bvh;
+    for (uint32_t i = (uint32_t)(job * STRETCH); i < end_of_stretch(bvh, job); i++) {
+        struct centre *centre = &building->centres[i];
+        memcpy(centre->at, bvh->faces + 3 * (size_t)centre->triangle, sizeof centre->at);
+    }
     return STATUS_OK;
 }
 
@@ -351,8 +375,9 @@ static enum status run_jobs(struct context *ctx, bool together, uint64_t jobs,
     return STATUS_OK;
 }
 
-enum status bvh_build(struct context *ctx, const double *positions, const uint32_t *faces,
-                      uint32_t count, bool together, struct bvh *bvh)
+/* `sorted` is `faces`, or NULL. */
+static enum status build(struct context *ctx, const double *positions, const uint32_t *faces,
+                         uint32_t *sorted, uint32_t count, bool together, struct bvh *bvh)
 {
     memset(bvh, 0, sizeof *bvh);
     bvh->count = count;
@@ -362,8 +387,10 @@ enum status bvh_build(struct context *ctx, const double *positions, const uint32
     lay_out(bvh);
 
     const uint64_t stretches = ((uint64_t)count + STRETCH - 1) / STRETCH;
-    struct building building = {.bvh = bvh};
-    enum status status = memory_take(ctx, count, sizeof *bvh->order, &bvh->order);
+    struct building building = {.bvh = bvh, .sorted = sorted};
+    enum status status = STATUS_OK;
+    if (!sorted)
+        status = memory_take(ctx, count, sizeof *bvh->order, &bvh->order);
     if (status == STATUS_OK)
         status = memory_take(ctx, bvh->node_count, sizeof *bvh->nodes, &bvh->nodes);
     if (status == STATUS_OK)
@@ -379,6 +406,8 @@ enum status bvh_build(struct context *ctx, const double *positions, const uint32
         split_top(&building, 0, count, together ? SHARED_DEPTH : 0);
         status = run_jobs(ctx, together, building.ranges, split_range, &building);
     }
+    if (status == STATUS_OK && sorted)
+        status = run_jobs(ctx, together, stretches, fetch_corners, &building);
     if (status == STATUS_OK)
         status = run_jobs(ctx, together, stretches, fill_stretch, &building);
     for (uint32_t level = 1; level < bvh->level_count && status == STATUS_OK; level++)
@@ -391,6 +420,18 @@ out:
     return status;
 }
 
+enum status bvh_build(struct context *ctx, const double *positions, const uint32_t *faces,
+                      uint32_t count, bool together, struct bvh *bvh)
+{
+    return build(ctx, positions, faces, NULL, count, together, bvh);
+}
+
+enum status bvh_build_sorting(struct context *ctx, const double *positions, uint32_t *faces,
+                              uint32_t count, bool together, struct bvh *bvh)
+{
+    return build(ctx, positions, faces, faces, count, together, bvh);
+}
+
 enum status bvh_copy(struct context *ctx, const struct bvh *from, const double *positions,
                      const uint32_t *faces, struct bvh *bvh)
 {
@@ -399,14 +440,15 @@ enum status bvh_copy(struct context *ctx, const struct bvh *from, const double *
     bvh->faces = faces;
     bvh->order = NULL;
     bvh->nodes = NULL;
-    enum status status = memory_take(ctx, bvh->count, sizeof *bvh->order, &bvh->order);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, bvh->node_count, sizeof *bvh->nodes, &bvh->nodes);
+    enum status status = memory_take(ctx, bvh->node_count, sizeof *bvh->nodes, &bvh->nodes);
+    if (status == STATUS_OK && from->order)
+        status = memory_take(ctx, bvh->count, sizeof *bvh->order, &bvh->order);
     if (status != STATUS_OK) {
         bvh_clear(ctx, bvh);
         return status;
     }
-    memcpy(bvh->order, from->order, bvh->count * sizeof *bvh->order);
+    if (from->order)
+        memcpy(bvh->order, from->order, bvh->count * sizeof *bvh->order);
     memcpy(bvh->nodes, from->nodes, bvh->node_count * sizeof *bvh->nodes);
     return STATUS_OK;
 }
@@ -516,7 +558,7 @@ LANES_INLINE void search_in_lanes(const struct bvh *bvh, struct vec3 p, struct n
             continue;
         }
         for (unsigned i = 0; i < count && distances[places[i]] <= bound; i++) {
-            uint32_t number = bvh->order[top.node * BVH_WIDTH + places[i]];
+            uint32_t number = triangle_at(bvh, top.node * BVH_WIDTH + places[i]);
             struct triangle t = bvh_triangle(bvh, number);
             struct vec3 point;
             double distance = triangle_distance_squared(p, &t, &point);
@@ -575,7 +617,7 @@ LANES_INLINE bool leaf_is_near(const struct bvh *bvh, uint32_t leaf, struct near
     const uint32_t first = leaf * BVH_WIDTH;
     unsigned others = near.all & ~(1u << near.nearest);
     for (unsigned next = near.nearest;; others &= others - 1) {
-        const struct triangle t = bvh_triangle(bvh, bvh->order[first + next]);
+        const struct triangle t = bvh_triangle(bvh, triangle_at(bvh, first + next));
         if (triangle_distance_squared(p, &t, NULL) <= square)
             return true;
         if (others == 0)
@@ -672,7 +714,7 @@ void bvh_touching(const struct bvh *bvh, struct vec3 low, struct vec3 high,
                 continue;
             if (top.level > 0)
                 stack[used++] = (struct pending){0, top.node * BVH_WIDTH + i, top.level - 1};
-            else if (!visit(user, bvh->order[top.node * BVH_WIDTH + i]))
+            else if (!visit(user, triangle_at(bvh, top.node * BVH_WIDTH + i)))
                 return;
         }
     }

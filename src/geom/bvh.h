@@ -26,7 +26,8 @@ struct bvh_node {
 struct bvh {
     enum cpu_level level;
     uint32_t count;         /* of triangles */
-    uint32_t *order;        /* their numbers, in tree order: neighbours in space are close */
+    uint32_t *order;        /* their numbers, in tree order: neighbours in space are close; NULL: they
+                               are numbered so */
     struct bvh_node *nodes; /* level 0 (over triangles) first, the root last */
     uint32_t node_count;
     uint32_t level_count;
@@ -44,6 +45,10 @@ struct bvh {
  * work on it. */
 enum status bvh_build(struct context *ctx, const double *positions, const uint32_t *faces,
                       uint32_t count, bool together, struct bvh *bvh) MUST_CHECK;
+/* The same, and the faces themselves are put in the tree's order, so that those that are looked at
+ * together lie together. */
+enum status bvh_build_sorting(struct context *ctx, const double *positions, uint32_t *faces,
+                              uint32_t count, bool together, struct bvh *bvh) MUST_CHECK;
 /* The same tree over a copy of the triangles. */
 enum status bvh_copy(struct context *ctx, const struct bvh *from, const double *positions,
                      const uint32_t *faces, struct bvh *bvh) MUST_CHECK;

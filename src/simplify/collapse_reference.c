@@ -112,7 +112,8 @@ enum status reference_take(struct collapse *c)
         }
         for (uint32_t i = 0; i < 3 * r->face_count; i++)
             r->faces[i] = corner_vertex(c, i);
-        status = bvh_build(c->ctx, r->positions, r->faces, (uint32_t)r->face_count, true, &r->tree);
+        status = bvh_build_sorting(c->ctx, r->positions, r->faces, (uint32_t)r->face_count, true,
+                                   &r->tree);
     }
     if (status != STATUS_OK)
         reference_clear(c);

@@ -282,6 +282,26 @@ static void check_near(struct bvh *tree, struct vec3 p, double square)
     tree->level = level;
 }
 
+/* A tree that puts a copy of the faces, which is returned, in its order: that of the tree without.
+ */
+static uint32_t *sort_faces(struct context *ctx, const struct mesh *mesh, const struct bvh *tree,
+                            struct bvh *sorting)
+{
+    const size_t count = (size_t)mesh->face_count, bytes = count * 3 * sizeof(uint32_t);
+    uint32_t *faces = malloc(bytes);
+    assert_non_null(faces);
+    memcpy(faces, mesh->faces, bytes);
+    assert_int_equal(bvh_build_sorting(ctx, mesh->positions, faces, (uint32_t)count, true, sorting),
+                     STATUS_OK);
+    assert_null(sorting->order);
+    assert_int_equal(sorting->node_count, tree->node_count);
+    assert_memory_equal(sorting->nodes, tree->nodes, tree->node_count * sizeof *tree->nodes);
+    for (size_t i = 0; i < count; i++)
+        assert_memory_equal(faces + 3 * i, mesh->faces + 3 * (size_t)tree->order[i],
+                            3 * sizeof(uint32_t));
+    return faces;
+}
+
 static void tree_finds_the_nearest(void **unused)
 {
     (void)unused;
@@ -289,7 +309,7 @@ static void tree_finds_the_nearest(void **unused)
     for (int round = 0; round < 60; round++) {
         struct context ctx;
         struct mesh mesh;
-        struct bvh tree, copy;
+        struct bvh tree, copy, sorting;
         context_init(&ctx);
         struct shape shape = random_shape(&state);
         double far = round % 4 == 0 ? 1e6 : 0;
@@ -298,7 +318,10 @@ static void tree_finds_the_nearest(void **unused)
         assert_int_equal(
             bvh_build(&ctx, mesh.positions, mesh.faces, (uint32_t)mesh.face_count, true, &tree),
             STATUS_OK);
-        assert_int_equal(bvh_copy(&ctx, &tree, mesh.positions, mesh.faces, &copy), STATUS_OK);
+        uint32_t *faces = sort_faces(&ctx, &mesh, &tree, &sorting);
+        assert_int_equal(bvh_copy(&ctx, round % 2 ? &tree : &sorting, mesh.positions,
+                                  round % 2 ? mesh.faces : faces, &copy),
+                         STATUS_OK);
         for (int i = 0; i < 100; i++) {
             double reach = i % 10 == 0 ? 1e30 : i % 3 ? 2 : 0.1;
             struct vec3 p = vec3_load(mesh.positions + 3 * random_below(&state, mesh.vertex_count));
@@ -321,6 +344,8 @@ static void tree_finds_the_nearest(void **unused)
             check_near(&copy, p, nearest.distance_squared);
         }
         check_touching(&mesh, &tree, &state);
+        free(faces);
+        bvh_clear(&ctx, &sorting);
         bvh_clear(&ctx, &copy);
         bvh_clear(&ctx, &tree);
         mesh_clear(&ctx, &mesh);
