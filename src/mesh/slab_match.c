@@ -218,16 +218,17 @@ LANES_AVX2 static inline bool match_seven(const struct slab_edges *s, const uint
         _mm256_andnot_si256(beyond, _mm256_sllv_epi32(mate, _mm256_add_epi32(place, place)));
     const __m256i over =
         _mm256_add_epi32(_mm256_srli_epi32(there, 2), _mm256_set1_epi32((int)s->face_first));
-    _Alignas(32) uint32_t lane[4][LANES];
-    _mm256_store_si256((__m256i *)(void *)lane[0], index);
-    _mm256_store_si256((__m256i *)(void *)lane[1], over);
-    _mm256_store_si256((__m256i *)(void *)lane[2], face);
-    _mm256_store_si256((__m256i *)(void *)lane[3], mates);
+    const __m256i packed = _mm256_shuffle_epi8(mates, _mm256_set1_epi32(0x0c080400));
+    const uint64_t low = (uint32_t)_mm_cvtsi128_si32(_mm256_castsi256_si128(packed));
+    const uint64_t high = (uint32_t)_mm_cvtsi128_si32(_mm256_extracti128_si256(packed, 1));
+    const uint64_t bytes = high << 32 | low; /* of mates */
+    uint32_t lane[LANES];
+    _mm256_storeu_si256((__m256i *)(void *)lane, over);
     uint32_t *neighbours = s->neighbours;
     uint8_t *all_mates = s->mates;
     for (unsigned i = 0; i < LANES; i++) {
-        neighbours[lane[0][i]] = lane[1][i];
-        all_mates[lane[2][i]] |= (uint8_t)lane[3][i];
+        neighbours[corner_index(corners[i])] = lane[i];
+        all_mates[corner_face(corners[i])] |= (uint8_t)(bytes >> 8 * i);
     }
     return true;
 }
