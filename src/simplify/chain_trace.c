@@ -56,8 +56,8 @@ void trace_workspace_clear(struct context *ctx, struct trace_workspace *scratch)
     memory_release(ctx, &scratch->interiors, scratch->interior_capacity, sizeof(uint32_t));
     memory_release(ctx, &scratch->patch_interiors, scratch->patch_interior_capacity,
                    sizeof(uint32_t));
-    if (!scratch->has_lent_patches)
-        memory_release(ctx, &scratch->patches, scratch->patch_capacity, sizeof *scratch->patches);
+    if (!scratch->has_lent_notes)
+        memory_release(ctx, &scratch->notes, scratch->note_capacity, sizeof *scratch->notes);
     memory_release(ctx, &scratch->diagonals, scratch->diagonal_capacity, 2 * sizeof(uint32_t));
     memory_release(ctx, &scratch->seam_edges, scratch->seam_edge_capacity,
                    sizeof *scratch->seam_edges);
@@ -100,42 +100,27 @@ static enum status make_room(struct context *ctx, void *vector, size_t *capacity
     return status;
 }
 
-/* Patches begin in what growth has no use for, unless an earlier slab had too many for it. */
-static void lend_patches(struct trace_workspace *scratch, const struct patch_workspace *space)
+/* Notes begin in what growth has no use for, unless an earlier slab had too many for it. */
+static void lend_notes(struct trace_workspace *scratch, const struct patch_workspace *space)
 {
-    if (scratch->patches && !scratch->has_lent_patches)
+    if (scratch->notes && !scratch->has_lent_notes)
         return;
-    scratch->has_lent_patches = true;
-    scratch->patches = space->rest;
-    scratch->patch_capacity = space->rest_size / sizeof *scratch->patches;
+    scratch->has_lent_notes = true;
+    scratch->notes = space->rest;
+    scratch->note_capacity = space->rest_size / sizeof *scratch->notes;
 }
 
-static enum status make_patch_room(struct trace *trace, size_t needed)
+static enum status make_note_room(struct trace *trace, size_t needed)
 {
     struct trace_workspace *s = trace->scratch;
-    struct patch *lent = s->patches;
-    if (needed <= s->patch_capacity)
+    if (needed <= s->note_capacity)
         return STATUS_OK;
-    if (!s->has_lent_patches)
-        return make_room(trace->ctx, &s->patches, &s->patch_capacity, needed, sizeof *s->patches);
-    s->patches = NULL;
-    s->patch_capacity = 0;
-    s->has_lent_patches = false;
-    enum status status =
-        make_room(trace->ctx, &s->patches, &s->patch_capacity, needed, sizeof *s->patches);
-    if (!status && trace->patch_count)
-        memcpy(s->patches, lent, trace->patch_count * sizeof *lent);
-    return status;
-}
-
-void *trace_free_room(const struct trace_workspace *scratch, const struct patch_workspace *space,
-                      const struct chain_block *block, size_t *size)
-{
-    unsigned char *from = scratch->has_lent_patches ? (unsigned char *)space->normals : space->room;
-    unsigned char *to = block->positions == scratch->positions ? space->room + space->room_capacity
-                                                               : (unsigned char *)block->positions;
-    *size = (size_t)(to - from);
-    return from;
+    if (s->has_lent_notes) {
+        enum status status = trace_own_notes(trace, needed);
+        if (status)
+            return status;
+    }
+    return make_room(trace->ctx, &s->notes, &s->note_capacity, needed, sizeof *s->notes);
 }
 
 /* Makes room for whatever a patch can add: rarely more than a few comparisons. */
@@ -149,10 +134,10 @@ static enum status reserve_patch(struct trace *trace, const struct grown_patch *
     const size_t interiors = trace->interior_count + patch->edge_count;
     const size_t seam_edges = trace->seam_edge_count + patch->edge_count;
     const size_t diagonals = trace->diagonal_count + 3 * (size_t)patch->face_count;
-    const size_t patches = trace->patch_count + 1, insides = trace->patch_interior_count + 1;
+    const size_t notes = trace->patch_count + 1, insides = trace->patch_interior_count + 1;
     if (chains <= s->chain_capacity && junctions <= s->junction_capacity &&
         interiors <= s->interior_capacity && seam_edges <= s->seam_edge_capacity &&
-        diagonals <= s->diagonal_capacity && patches <= s->patch_capacity &&
+        diagonals <= s->diagonal_capacity && notes <= s->note_capacity &&
         insides <= s->patch_interior_capacity)
         return STATUS_OK;
     enum status status = make_room(ctx, &s->chains, &s->chain_capacity, chains, sizeof *s->chains);
@@ -169,7 +154,7 @@ static enum status reserve_patch(struct trace *trace, const struct grown_patch *
         status = make_room(ctx, &s->diagonals, &s->diagonal_capacity, diagonals,
                            2 * sizeof *s->diagonals);
     if (!status)
-        status = make_patch_room(trace, patches);
+        status = make_note_room(trace, notes);
     if (!status)
         status = make_room(ctx, &s->patch_interiors, &s->patch_interior_capacity, insides,
                            sizeof *s->patch_interiors);
@@ -402,23 +387,22 @@ static float clamp_float(double value)
 static enum status add_patch(struct trace *trace, const struct grown_patch *patch)
 {
     struct trace_workspace *scratch = trace->scratch;
-    struct patch *record = scratch->patches + trace->patch_count;
+    struct patch_note *note = scratch->notes + trace->patch_count;
+    const size_t diagonals = trace->diagonal_count;
     struct plane_sum plane;
     double distance;
     enum status status = STATUS_OK;
     find_plane(trace, patch, &plane);
     uint32_t interior = farthest_vertex(trace, patch, &plane, &distance);
-    (void)unit_decode(unit_encode(plane.normal), record->normal); /* as the file will give it */
-    record->area = clamp_float(patch->area);
-    record->deviation = round_up(distance);
-    record->interior_first = (uint32_t)trace->patch_interior_count;
-    record->interior_count = interior != NO_INDEX;
-    record->diagonal_first = (uint32_t)trace->diagonal_count;
+    note->normal = unit_encode(plane.normal);
+    note->area = clamp_float(patch->area);
+    note->deviation = round_up(distance);
     if (interior != NO_INDEX)
         scratch->patch_interiors[trace->patch_interior_count++] = interior;
     else
         status = add_diagonals(trace, patch);
-    record->diagonal_count = (uint32_t)trace->diagonal_count - record->diagonal_first;
+    note->diagonals =
+        interior != NO_INDEX ? NO_INDEX : (uint32_t)(trace->diagonal_count - diagonals);
     trace->most_faces += patch->edge_count - 2;
     trace->patch_count++;
     return status;
@@ -452,7 +436,7 @@ enum status chain_trace(struct context *ctx, struct store *store, uint32_t strid
     memset(block, 0, sizeof *block);
     memset(seams, 0, sizeof *seams);
     scratch->codes = space->vertex_room;
-    lend_patches(scratch, space);
+    lend_notes(scratch, space);
     enum status status = reserve(&trace);
     if (!status)
         status = trace_number_seams(&trace);

@@ -45,9 +45,9 @@ struct trace_workspace {
     size_t interior_capacity;
     uint32_t *patch_interiors;
     size_t patch_interior_capacity;
-    struct patch *patches;
-    size_t patch_capacity;
-    bool has_lent_patches; /* they lie in the rest of growth's room */
+    struct patch_note *notes; /* of patches, which they become in the end where they lie */
+    size_t note_capacity;
+    bool has_lent_notes; /* they lie in the rest of growth's room */
     uint32_t *diagonals;
     size_t diagonal_capacity;
     struct seam_edge *seam_edges;

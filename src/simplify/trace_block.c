@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "simplify/unit_code.h"
 
 /* ---- seam vertices ---- */
 
@@ -195,6 +196,86 @@ static enum status take_positions(struct trace *trace, size_t vertices)
     return status;
 }
 
+enum status trace_own_notes(struct trace *trace, size_t needed)
+{
+    struct trace_workspace *scratch = trace->scratch;
+    const struct patch_note *lent = scratch->notes;
+    const size_t wanted = needed + needed / 8 + 64;
+    scratch->notes = NULL;
+    scratch->note_capacity = 0;
+    scratch->has_lent_notes = false;
+    enum status status = memory_take(trace->ctx, wanted, sizeof *scratch->notes, &scratch->notes);
+    if (status)
+        return status;
+    scratch->note_capacity = wanted;
+    memcpy(scratch->notes, lent, trace->patch_count * sizeof *lent);
+    return STATUS_OK;
+}
+
+/* Where what is free of growth's room ends: the block's positions are behind it, or its own end. */
+static unsigned char *room_end(const struct trace_workspace *scratch,
+                               const struct patch_workspace *space, const float *positions)
+{
+    return positions == scratch->positions ? space->room + space->room_capacity
+                                           : (unsigned char *)positions;
+}
+
+/* Makes so much room for patches where the notes are that they can become them. Nothing but their
+ * notes, vertices' codes and positions is needed any more of what growth has. */
+static enum status make_patch_room(struct trace *trace)
+{
+    struct trace_workspace *scratch = trace->scratch;
+    const size_t bytes = trace->patch_count * sizeof(struct patch);
+    const size_t notes = (bytes + sizeof *scratch->notes - 1) / sizeof *scratch->notes;
+    enum status status = STATUS_OK;
+    if (scratch->has_lent_notes) {
+        const unsigned char *from = trace->space->rest;
+        if (bytes <= (size_t)(room_end(scratch, trace->space, trace->positions) - from))
+            return STATUS_OK;
+        status = trace_own_notes(trace, notes);
+    } else if (notes > scratch->note_capacity) {
+        status = memory_resize(trace->ctx, &scratch->notes, scratch->note_capacity, notes,
+                               sizeof *scratch->notes);
+        scratch->note_capacity = status ? scratch->note_capacity : notes;
+    }
+    return status;
+}
+
+/* From the last to the first, so that no note is written over before it is read. */
+static void make_patches(const struct trace *trace, size_t patch_interior_first)
+{
+    unsigned char *notes = (unsigned char *)trace->scratch->notes;
+    struct patch *patches = (struct patch *)(void *)notes;
+    size_t interior = patch_interior_first + trace->patch_interior_count;
+    size_t diagonal = trace->diagonal_count;
+    for (size_t p = trace->patch_count; p-- > 0;) {
+        struct patch_note note;
+        struct patch patch;
+        memcpy(&note, notes + p * sizeof note, sizeof note);
+        const bool has_interior = note.diagonals == NO_INDEX;
+        patch.area = note.area;
+        patch.deviation = note.deviation;
+        patch.interior_count = has_interior;
+        patch.diagonal_count = has_interior ? 0 : note.diagonals;
+        interior -= patch.interior_count;
+        diagonal -= patch.diagonal_count;
+        patch.interior_first = (uint32_t)interior;
+        patch.diagonal_first = (uint32_t)diagonal;
+        (void)unit_decode(note.normal, patch.normal); /* as the file will give it */
+        memcpy(&patches[p], &patch, sizeof patch);
+    }
+}
+
+void *trace_free_room(const struct trace_workspace *scratch, const struct patch_workspace *space,
+                      const struct chain_block *block, size_t *size)
+{
+    unsigned char *from = scratch->has_lent_notes
+                              ? (unsigned char *)(block->patches + block->patch_count)
+                              : space->room;
+    *size = (size_t)(room_end(scratch, space, block->positions) - from);
+    return from;
+}
+
 enum status trace_make_block(struct trace *trace, struct store *store, uint32_t stride,
                              struct chain_block *block)
 {
@@ -213,11 +294,12 @@ enum status trace_make_block(struct trace *trace, struct store *store, uint32_t 
         status = gather_all(trace, store, stride);
     if (!status)
         status = number_diagonals(trace, bases);
+    if (!status)
+        status = make_patch_room(trace);
     if (status)
         return status;
     number_chains(trace, bases);
-    for (size_t p = 0; p < trace->patch_count; p++)
-        scratch->patches[p].interior_first += (uint32_t)patch_interior_first;
+    make_patches(trace, patch_interior_first);
     *block = (struct chain_block){.slab = trace->slab->index,
                                   .vertex_count = (uint32_t)vertices,
                                   .junction_count = (uint32_t)trace->junction_count,
@@ -229,7 +311,7 @@ enum status trace_make_block(struct trace *trace, struct store *store, uint32_t 
                                   .records = stride ? scratch->records : NULL,
                                   .seam_vertices = scratch->seam_vertices,
                                   .chains = scratch->chains,
-                                  .patches = scratch->patches,
+                                  .patches = (struct patch *)(void *)scratch->notes,
                                   .diagonals = scratch->diagonals};
     return STATUS_OK;
 }

@@ -24,6 +24,15 @@ static inline enum vertex_kind code_kind(uint32_t code)
     return (enum vertex_kind)(code >> CODE_SHIFT);
 }
 
+/* What is known of a patch while others are still grown: little of what struct patch has in its 44
+ * bytes, since memory holds this beside all that growth needs. */
+struct patch_note {
+    uint32_t normal; /* its code, unit_code.h */
+    float area;
+    float deviation;
+    uint32_t diagonals; /* how many it has; NO_INDEX: none, but an interior vertex */
+};
+
 struct trace {
     struct context *ctx;
     const struct slab *slab;
@@ -54,6 +63,9 @@ enum status trace_number_seams(struct trace *trace) MUST_CHECK;
 /* After the last patch: makes block numbers of all codes, and gathers the vertices. */
 enum status trace_make_block(struct trace *trace, struct store *store, uint32_t stride,
                              struct chain_block *block) MUST_CHECK;
+/* Moves notes that lie in growth's room to a vector of their own, with room for `needed`. */
+enum status trace_own_notes(struct trace *trace, size_t needed) MUST_CHECK;
+
 enum status trace_take_seams(struct trace *trace, const struct chain_block *block,
                              struct slab_seams *seams) MUST_CHECK;
 
