@@ -129,6 +129,8 @@ enum status store_crc(struct store *store, uint32_t *crc) MUST_CHECK;
 
 enum status slab_open(struct store *store, uint32_t index, struct slab *slab) MUST_CHECK;
 void slab_close(struct slab *slab); /* unmaps it; safe when all zero */
+/* Whether slab_open and slab_read of the slab point to memory that there is anyway. */
+bool slab_is_held(const struct store *store, uint32_t index);
 /* Nobody will open the slab again, or look at it but for its vertices' records: what holds it in
  * memory may give that back. From any worker, once a slab. */
 void slab_forget(struct store *store, uint32_t index);

@@ -351,6 +351,11 @@ void slab_close(struct slab *slab)
     memset(slab, 0, sizeof *slab);
 }
 
+bool slab_is_held(const struct store *store, uint32_t index)
+{
+    return store_hold_has(store->hold, index);
+}
+
 void slab_forget(struct store *store, uint32_t index)
 {
     if (store_hold_has(store->hold, index))

@@ -78,7 +78,7 @@ static enum status make_block(struct build *build, uint32_t index, struct worker
         status = chain_hold_take(build->hold, &block, &is_held);
     if (!status && !is_held) {
         size_t size;
-        void *room = trace_free_room(&worker->trace, &worker->grow, &block, &size);
+        void *room = trace_free_room(ctx, &worker->trace, &worker->grow, &block, &size);
         status = chain_block_pack(ctx, &block, build->stride, build->level, room, size,
                                   &result->packed, &result->packed_size);
     }
@@ -176,7 +176,7 @@ static void fill_info(struct chain_info *info, const struct store_info *store,
  *
  *     faces, normals and their spare      24 F + 2 * 16 F   (all serve twice over)
  *     positions                                      6 F
- *     chains and patches, an eighth to spare  1.125 * (1.5 * 24 + 44) F
+ *     chains and patches, some to spare       1.0625 * (1.5 * 24) F + 44 F
  *     packed, waiting to be written             2 * 12 F
  *
  * which is 11 MiB for slabs of 2^16 faces, and 44 for a mesh that is one of 2^18; with attributes
@@ -185,9 +185,8 @@ static void fill_info(struct chain_info *info, const struct store_info *store,
  * slab: 64 bytes.
  */
 enum { WORKER_A_FACE = 176, MAPPED_A_FACE = 32, SHARED_MEMORY = 6 << 20 };
-/* On scans a worker takes 80 to 100 bytes a face, of which a slab that is forgotten gives 31 back.
- */
-enum { BESIDE_A_FACE = 56 };
+/* On scans a worker takes 70 to 90 bytes a face, of which a slab that is forgotten gives 31 back. */
+enum { BESIDE_A_FACE = 46 };
 
 /* The number of faces may be a guess by a text's first lines: near the bound, the more. */
 static uint64_t slab_faces_of(uint64_t faces)

@@ -88,13 +88,13 @@ static enum status reserve(struct trace *trace)
     return status;
 }
 
-/* Room in a vector, an eighth more than needed: what all slabs in flight have to spare counts. */
+/* Room in a vector, a sixteenth more than needed: what all slabs in flight have to spare counts. */
 static enum status make_room(struct context *ctx, void *vector, size_t *capacity, size_t needed,
                              size_t size)
 {
     if (needed <= *capacity)
         return STATUS_OK;
-    const size_t wanted = needed + needed / 8 + 64;
+    const size_t wanted = needed + needed / 16 + 64;
     enum status status = memory_resize(ctx, vector, *capacity, wanted, size);
     *capacity = status ? *capacity : wanted;
     return status;

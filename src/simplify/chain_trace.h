@@ -77,9 +77,10 @@ enum status chain_trace(struct context *ctx, struct store *store, uint32_t strid
                         const struct slab *slab, struct patch_workspace *space,
                         struct trace_workspace *scratch, struct chain_block *block,
                         struct slab_seams *seams, struct trace_counts *counts) MUST_CHECK;
-/* What is free of the room of growth as long as the block that was traced last is needed. */
-void *trace_free_room(const struct trace_workspace *scratch, const struct patch_workspace *space,
-                      const struct chain_block *block, size_t *size);
+/* Memory of growth that is free as long as the block that was traced last is needed; NULL: there is
+ * none, or what there was has been released. */
+void *trace_free_room(struct context *ctx, const struct trace_workspace *scratch,
+                      struct patch_workspace *space, const struct chain_block *block, size_t *size);
 void slab_seams_clear(struct context *ctx, struct slab_seams *seams);
 void trace_workspace_clear(struct context *ctx, struct trace_workspace *scratch);
 

@@ -463,27 +463,43 @@ static void set_options(struct growth *growth, const struct patch_options *optio
         growth->most_faces = PATCH_FACES_MAX;
 }
 
-/* Makes room for a slab of so many faces and vertices, and its bytes. */
-static enum status reserve(struct context *ctx, struct patch_workspace *space, size_t faces,
-                           size_t vertices, size_t slab_bytes)
+/* A block that is to be large enough for what it does not keep. */
+static enum status make_block(struct context *ctx, void *block, size_t *capacity, size_t needed,
+                              size_t size)
 {
-    /* all parts on multiples of 16 */
+    if (needed <= *capacity)
+        return STATUS_OK;
+    memory_release(ctx, block, *capacity, size);
+    *capacity = 0;
+    enum status status = memory_take(ctx, needed, size, block);
+    if (status)
+        return status;
+    *capacity = needed;
+    void *taken;
+    memcpy(&taken, block, sizeof taken);
+    memory_use_whole(taken, needed, size);
+    return STATUS_OK;
+}
+
+/* Makes room for the local faces of a slab that has so many. */
+static enum status reserve_faces(struct context *ctx, struct patch_workspace *space, size_t faces)
+{
+    return make_block(ctx, &space->faces, &space->face_capacity, slab_local_numbers(faces),
+                      sizeof *space->faces);
+}
+
+/* Makes room for all else, and for the slab's bytes before that. */
+static enum status reserve_room(struct context *ctx, struct patch_workspace *space, size_t faces,
+                                size_t vertices, size_t slab_bytes)
+{
+    /* both parts on multiples of 16 */
     size_t half = NORMAL_STRIDE * sizeof(float) * (faces + BEYOND_COUNT);
     const size_t later = (sizeof(vertex_mark) + sizeof(uint32_t)) * vertices +
                          sizeof(float) * faces; /* marks, vertex_room, areas */
     if (half < later)
         half = (later + 15) / 16 * 16;
-    const size_t faces_at = 2 * half < slab_bytes ? (slab_bytes + 15) / 16 * 16 : 2 * half;
-    const size_t bytes = faces_at + slab_local_numbers(faces) * sizeof(uint32_t);
-    enum status status = STATUS_OK;
-    if (bytes > space->room_capacity) {
-        memory_release(ctx, &space->room, space->room_capacity, 1);
-        space->room_capacity = 0;
-        status = memory_take(ctx, bytes, 1, &space->room);
-        space->room_capacity = status ? 0 : bytes;
-        if (!status)
-            memory_use_whole(space->room, bytes, 1);
-    }
+    const size_t bytes = 2 * half < slab_bytes ? slab_bytes : 2 * half;
+    enum status status = make_block(ctx, &space->room, &space->room_capacity, bytes, 1);
     if (!status)
         status = memory_reserve(ctx, &space->candidates, &space->candidate_capacity,
                                 bit_tree_words(faces + BEYOND_COUNT), sizeof *space->candidates);
@@ -496,7 +512,6 @@ static enum status reserve(struct context *ctx, struct patch_workspace *space, s
     if (!status) {
         space->spare = (float *)(void *)space->room;
         space->normals = (float *)(void *)(space->room + half);
-        space->faces = (uint32_t *)(void *)(space->room + faces_at);
     }
     return status;
 }
@@ -504,6 +519,7 @@ static enum status reserve(struct context *ctx, struct patch_workspace *space, s
 void patch_workspace_clear(struct context *ctx, struct patch_workspace *space)
 {
     memory_release(ctx, &space->room, space->room_capacity, 1);
+    memory_release(ctx, &space->faces, space->face_capacity, sizeof *space->faces);
     memory_release(ctx, &space->candidates, space->candidate_capacity, sizeof *space->candidates);
     memory_release(ctx, &space->queue, QUEUE_SIZE, sizeof *space->queue);
     memory_release(ctx, &space->nodes, NODES, sizeof *space->nodes);
@@ -565,7 +581,9 @@ enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
                                const struct patch_options *options, struct patch_workspace *space)
 {
     const size_t own = slab->vertex_end - slab->vertex_first;
-    enum status status = reserve(ctx, space, slab->face_count, own + slab->foreign_count, 0);
+    enum status status = reserve_faces(ctx, space, slab->face_count);
+    if (!status)
+        status = reserve_room(ctx, space, slab->face_count, own + slab->foreign_count, 0);
     if (!status)
         status = slab_local_fill(ctx, slab, space->faces, &space->local);
     if (status)
@@ -581,21 +599,22 @@ enum status patch_growth_open(struct context *ctx, struct store *store, uint32_t
                               const struct patch_options *options, struct patch_workspace *space,
                               struct slab *slab)
 {
-    const bool has_records =
-        store_info(store)->attributes.stride; /* they are asked for to the end */
-    enum status status = STATUS_OK;
+    /* records are asked for to the end */
+    const bool is_read = !store_info(store)->attributes.stride && !slab_is_held(store, index);
     uint32_t faces, vertices;
     const uint64_t size = slab_size(store, index, &faces, &vertices);
     memset(slab, 0, sizeof *slab);
-    if (has_records)
-        status = slab_open(store, index, slab);
+    enum status status = reserve_faces(ctx, space, faces);
+    if (!status && is_read)
+        status = reserve_room(ctx, space, faces, vertices, (size_t)size);
     if (!status)
-        status = reserve(ctx, space, faces, vertices, has_records ? 0 : (size_t)size);
-    if (!status && !has_records)
-        status = slab_read(store, index, space->room, slab);
+        status =
+            is_read ? slab_read(store, index, space->room, slab) : slab_open(store, index, slab);
     if (!status)
         status = slab_local_fill(ctx, slab, space->faces, &space->local);
     slab_forget(store, index);
+    if (!status && !is_read)
+        status = reserve_room(ctx, space, faces, vertices, 0);
     if (!status)
         begin_growth(ctx, options, space);
     slab->faces = slab->neighbours = slab->foreign = NULL;

@@ -77,16 +77,18 @@ struct patch_workspace {
     float *normals;        /* face_normals.h; with labels in them while patches grow */
     uint32_t *vertex_room; /* a number a local vertex, for whoever traces the patches */
     /* What room holds: first a slab's bytes as read, then in their place the normals' spare and the
-     * normals, then in the spare's marks, vertex_room and the rest, which is the user's; behind
-     * these the local faces; and when all is grown, what the user likes. */
+     * normals, then in the spare's marks, vertex_room and the rest, which is the user's; and when
+     * all is grown, what the user likes. */
     unsigned char *room;
     size_t room_capacity;
     void *rest;
     size_t rest_size; /* bytes */
     /* private to patchify.c */
     float *spare;
-    uint32_t *faces;
-    float *areas; /* of patch_growth_begin: the faces', as in the normals, to begin again */
+    uint32_t *faces; /* of local; a block of its own, so that a slab that is held in memory can be
+                        given back before there is room for all else */
+    size_t face_capacity; /* numbers */
+    float *areas;         /* of patch_growth_begin: the faces', as in the normals, to begin again */
     struct queued *queue;
     struct node *nodes;
     uint32_t *lists; /* of the patch last grown: boundary, vertices inside, faces */

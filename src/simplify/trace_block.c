@@ -200,7 +200,7 @@ enum status trace_own_notes(struct trace *trace, size_t needed)
 {
     struct trace_workspace *scratch = trace->scratch;
     const struct patch_note *lent = scratch->notes;
-    const size_t wanted = needed + needed / 8 + 64;
+    const size_t wanted = needed + needed / 16 + 64;
     scratch->notes = NULL;
     scratch->note_capacity = 0;
     scratch->has_lent_notes = false;
@@ -212,16 +212,8 @@ enum status trace_own_notes(struct trace *trace, size_t needed)
     return STATUS_OK;
 }
 
-/* Where what is free of growth's room ends: the block's positions are behind it, or its own end. */
-static unsigned char *room_end(const struct trace_workspace *scratch,
-                               const struct patch_workspace *space, const float *positions)
-{
-    return positions == scratch->positions ? space->room + space->room_capacity
-                                           : (unsigned char *)positions;
-}
-
 /* Makes so much room for patches where the notes are that they can become them. Nothing but their
- * notes, vertices' codes and positions is needed any more of what growth has. */
+ * notes and vertices' codes is needed any more of what growth has in its room. */
 static enum status make_patch_room(struct trace *trace)
 {
     struct trace_workspace *scratch = trace->scratch;
@@ -229,8 +221,9 @@ static enum status make_patch_room(struct trace *trace)
     const size_t notes = (bytes + sizeof *scratch->notes - 1) / sizeof *scratch->notes;
     enum status status = STATUS_OK;
     if (scratch->has_lent_notes) {
-        const unsigned char *from = trace->space->rest;
-        if (bytes <= (size_t)(room_end(scratch, trace->space, trace->positions) - from))
+        const struct patch_workspace *space = trace->space;
+        const unsigned char *end = space->room + space->room_capacity;
+        if (bytes <= (size_t)(end - (unsigned char *)space->rest))
             return STATUS_OK;
         status = trace_own_notes(trace, notes);
     } else if (notes > scratch->note_capacity) {
@@ -266,14 +259,22 @@ static void make_patches(const struct trace *trace, size_t patch_interior_first)
     }
 }
 
-void *trace_free_room(const struct trace_workspace *scratch, const struct patch_workspace *space,
-                      const struct chain_block *block, size_t *size)
+void *trace_free_room(struct context *ctx, const struct trace_workspace *scratch,
+                      struct patch_workspace *space, const struct chain_block *block, size_t *size)
 {
-    unsigned char *from = scratch->has_lent_notes
-                              ? (unsigned char *)(block->patches + block->patch_count)
-                              : space->room;
-    *size = (size_t)(room_end(scratch, space, block->positions) - from);
-    return from;
+    if (!scratch->has_lent_notes) { /* so many patches that their coding takes more */
+        memory_release(ctx, &space->room, space->room_capacity, 1);
+        space->room_capacity = *size = 0;
+        return NULL;
+    }
+    unsigned char *from = (unsigned char *)(block->patches + block->patch_count);
+    unsigned char *faces = (unsigned char *)space->local.faces;
+    const size_t behind = space->room_capacity - (size_t)(from - space->room);
+    const size_t before = block->positions == scratch->positions
+                              ? 0
+                              : (size_t)((unsigned char *)block->positions - faces);
+    *size = before > behind ? before : behind;
+    return before > behind ? faces : from;
 }
 
 enum status trace_make_block(struct trace *trace, struct store *store, uint32_t stride,
