@@ -239,15 +239,15 @@ static void inflate_some(struct inflater *in, unsigned char *to, size_t room, si
     use_raw(in, used);
     in->crc = checksum(in->crc, to, *got);
     in->size += (uint32_t)*got;
-    if (result != ISAL_DECOMP_OK) {
+    const bool is_stuck = raw > 0 && used == 0 && *got == 0 && isal->block_state == before;
+    if (result != ISAL_DECOMP_OK || is_stuck) {
         in->damage = words_for(result);
     } else if (isal->block_state == ISAL_BLOCK_FINISH) {
-        const size_t ahead = (size_t)isal->read_in_length / 8;
+        size_t ahead = isal->read_in_length > 0 ? (size_t)isal->read_in_length / 8 : 0;
+        ahead = ahead < in->raw_begin ? ahead : in->raw_begin;
         in->raw_begin -= ahead;
         in->raw_size -= ahead;
         begin_field(in, IN_TRAILER);
-    } else if (raw > 0 && used == 0 && *got == 0 && isal->block_state == before) {
-        in->damage = words_for(result);
     }
 }
 
