@@ -66,11 +66,23 @@ static double choose_scale(uint64_t face_count, const double low[3], const doubl
     return ldexp(1, -exponent);
 }
 
-static void widen_box(double low[3], double high[3], size_t i, double x)
+/* The box of the positions; returns whether all are float32. */
+static bool find_box(size_t vertices, const double *doubles, const float *floats, double low[3],
+                     double high[3])
 {
-    const size_t k = i % 3;
-    low[k] = x < low[k] ? x : low[k];
-    high[k] = x > high[k] ? x : high[k];
+    bool is_float32 = true;
+    double least[3] = {INFINITY, INFINITY, INFINITY}, most[3] = {-INFINITY, -INFINITY, -INFINITY};
+    for (size_t v = 0; v < vertices; v++)
+        for (size_t k = 0; k < 3; k++) {
+            const double x = doubles ? doubles[3 * v + k] : (double)floats[3 * v + k];
+            if ((double)(float)x != x)
+                is_float32 = false;
+            least[k] = x < least[k] ? x : least[k];
+            most[k] = x > most[k] ? x : most[k];
+        }
+    memcpy(low, least, sizeof least);
+    memcpy(high, most, sizeof most);
+    return is_float32;
 }
 
 /* Origin and scale. Positions are kept as float32: as they are when all are float32, else relative
@@ -78,14 +90,8 @@ static void widen_box(double low[3], double high[3], size_t i, double x)
 static void choose_frame(struct collapse *c, const double *doubles, const float *floats)
 {
     const size_t count = (size_t)c->vertex_count * 3;
-    double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
-    c->is_float32 = true;
-    for (size_t i = 0; i < count; i++) {
-        const double x = doubles ? doubles[i] : (double)floats[i];
-        if ((double)(float)x != x)
-            c->is_float32 = false;
-        widen_box(low, high, i, x);
-    }
+    double low[3], high[3];
+    c->is_float32 = find_box((size_t)c->vertex_count, doubles, floats, low, high);
     for (int k = 0; k < 3; k++)
         c->origin[k] = c->is_float32 ? 0 : low[k] + (high[k] - low[k]) / 2;
     c->scale = choose_scale(c->face_count, low, high);
