@@ -280,10 +280,9 @@ static void measure_face(struct measuring *m, size_t f)
 LANES_INLINE void measure_all(struct measuring *m)
 {
     const size_t first = m->scope->face_first;
-    const uint32_t count = m->scope->face_count, spacing = count / NOISE_SAMPLES + 1;
-    uint32_t sample =
-        0; /* the next face for the noise, looked at while its neighbours are at hand */
-    uint32_t i = 0;
+    const uint32_t most = m->draft->slab_count > 1 ? NOISE_SAMPLES_OF_MANY : NOISE_SAMPLES;
+    const uint32_t count = m->scope->face_count, spacing = count / most + 1;
+    uint32_t i = 0, sample = 0; /* the next for the noise, looked at with its neighbours at hand */
     for (; i + GROUP <= count; i += GROUP) {
         measure_four(m, first + i);
         if (m->squares.face_count == ROOTS)
