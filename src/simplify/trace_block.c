@@ -212,8 +212,9 @@ enum status trace_own_notes(struct trace *trace, size_t needed)
     return STATUS_OK;
 }
 
-/* Makes so much room for patches where the notes are that they can become them. Nothing but their
- * notes and vertices' codes is needed any more of what growth has in its room. */
+/* Makes so much room for patches where the notes are that they can become them: there is in what
+ * was lent, but for slabs of fewer than a vertex for four faces. Nothing but their notes and
+ * vertices' codes is needed any more of what growth has in its room. */
 static enum status make_patch_room(struct trace *trace)
 {
     struct trace_workspace *scratch = trace->scratch;
