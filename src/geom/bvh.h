@@ -25,9 +25,9 @@ struct bvh_node {
 
 struct bvh {
     enum cpu_level level;
-    uint32_t count;         /* of triangles */
-    uint32_t *order;        /* their numbers, in tree order: neighbours in space are close; NULL: they
-                               are numbered so */
+    uint32_t count;  /* of triangles */
+    uint32_t *order; /* their numbers, in tree order: neighbours in space are close; NULL: they
+                        are numbered so */
     struct bvh_node *nodes; /* level 0 (over triangles) first, the root last */
     uint32_t node_count;
     uint32_t level_count;
@@ -68,9 +68,9 @@ struct nearest {
  */
 void bvh_nearest(const struct bvh *bvh, struct vec3 p, struct nearest *nearest);
 
-/* Whether a triangle's squared distance from `p` is at most `square`. *leaf says where to look first,
- * and then where one was found: a point beside the last one is told in less time.
- * UINT32_MAX at first; it never matters to the answer. */
+/* Whether a triangle's squared distance from `p` is at most `square`. *leaf says where to look
+ * first, and then where one was found: a point beside the last one is told in less time. UINT32_MAX
+ * at first; it never matters to the answer. */
 bool bvh_is_near(const struct bvh *bvh, struct vec3 p, double square, uint32_t *leaf);
 
 /* Calls visit(user, triangle) for every triangle whose box touches [low, high], and perhaps for a
