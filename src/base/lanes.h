@@ -67,10 +67,9 @@ LANES_INLINE float8 lanes_choose(int8x32 mask, float8 a, float8 b)
 
 LANES_INLINE float8 lanes_sqrt(float8 v)
 {
-    float8 root;
     for (int i = 0; i < LANES; i++)
-        root[i] = sqrtf(v[i]);
-    return root;
+        v[i] = sqrtf(v[i]);
+    return v;
 }
 
 LANES_INLINE float8 lanes_least(float8 a, float8 b)

@@ -192,7 +192,7 @@ LANES_INLINE void fill_lanes(const struct collapse *c, const struct vertex_edges
     const struct vertex_look *look = &e->look;
     const uint32_t *ring = look->ring.vertices + first;
     const bool closed = look->ring.faces == look->ring.count;
-    float8 fans[LANES], last;
+    float8 fans[LANES], last = lanes_all(0);
     for (uint32_t i = 0; i < LANES; i++) {
         const struct fan *fan = &c->vertices[ring[i]].fan;
         fans[i] = lanes_load((const float *)fan); /* eight of its nine numbers */

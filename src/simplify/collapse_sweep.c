@@ -510,7 +510,7 @@ static uint64_t count_territories(const struct collapse *c, uint64_t most_faces)
  * the same time. (The order does not matter to what comes out.) */
 static void order_territories(struct shared_sweep *shared, uint32_t count)
 {
-    uint32_t dues[TERRITORIES_MAX + 1];
+    uint32_t dues[TERRITORIES_MAX + 1] = {0};
     for (uint32_t i = 0; i < count; i++) {
         const struct territory *t = &shared->territories[i];
         uint32_t due = 0, at = i;
