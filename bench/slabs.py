@@ -31,8 +31,8 @@ MESHES = {  # file, shift of the slabs, counts
     "koala": ("koala.obj.gz", 13, (9999, 2000, 1000)),
     "skull": ("skull.obj.gz", 13, (10000, 2000, 1000)),
     "bunny": ("stanford_bunny_ascii.ply", 13, (6945, 1504, 695)),
-    "dragon": ("stanford_dragon.ply.gz", 18, (87000, 17400, 8700)),
-    "brain": ("mri_brain_3m.ply.gz", 18, (306000, 61000, 30600)),
+    "dragon": ("stanford_dragon.ply.gz", 16, (87000, 17400, 8700)),
+    "brain": ("mri_brain_3m.ply.gz", 16, (306000, 61000, 30600)),
 }
 TIMES = 3
 NEAR = 10  # mean edges
