@@ -300,9 +300,9 @@ typedef struct spbm_levels {
     uint64_t small_faces;                /* of the mesh that the chains gave (mode collapse) */
     uint32_t join_count;
     spbm_join joins[SPBM_JOINS_MAX];
-    double diagonal;                     /* of the original's bounding box */
-    uint64_t floor;                      /* the fewest faces that the topology allows */
-    uint64_t original_faces;             /* of the mesh store */
+    double diagonal;         /* of the original's bounding box */
+    uint64_t floor;          /* the fewest faces that the topology allows */
+    uint64_t original_faces; /* of the mesh store */
     uint64_t reserved[8];
 } spbm_levels;
 
@@ -563,12 +563,12 @@ SPBM_API spbm_status spbm_simplify(spbm_job *job, const char *const *inputs, siz
                                    spbm_simplify_report *report);
 
 /*
- * The levels of spbm_lod with small features gone: the finest mesh that the chain file gives is made
- * again, and goes through topology, patches and levels as in spbm_simplify; all in temporary files.
- * Features are as large as the chains show them; ratios are of the faces of the chain file's store.
- * `options` NULL: the defaults. `topology` as in spbm_simplify_options. `report` (may be NULL):
- * the first stage is "unfold", and store is of the mesh that the chains give. Fails as spbm_lod
- * does.
+ * The levels of spbm_lod with small features gone: the finest mesh that the chain file gives is
+ * made again, and goes through topology, patches and levels as in spbm_simplify; all in temporary
+ * files. Features are as large as the chains show them; ratios are of the faces of the chain file's
+ * store. `options` NULL: the defaults. `topology` as in spbm_simplify_options. `report` (may be
+ * NULL): the first stage is "unfold", and store is of the mesh that the chains give. Fails as
+ * spbm_lod does.
  */
 SPBM_API spbm_status spbm_lod_topology(spbm_job *job, const char *chains, const char *output,
                                        const spbm_target *target, const spbm_lod_options *options,
@@ -578,9 +578,9 @@ SPBM_API spbm_status spbm_lod_topology(spbm_job *job, const char *chains, const 
 /* What a run is expected to take. */
 typedef struct spbm_plan {
     uint64_t faces, vertices; /* of the inputs; a soup's vertices as after welding */
-    int is_counted;           /* the inputs tell their faces; else scaled up from their beginnings */
-    double seconds;           /* wall, of all stages; right to a factor of about two */
-    spbm_stage stages[3];     /* of each: name, wall_seconds and threads; all else is 0 */
+    int is_counted;       /* the inputs tell their faces; else scaled up from their beginnings */
+    double seconds;       /* wall, of all stages; right to a factor of about two */
+    spbm_stage stages[3]; /* of each: name, wall_seconds and threads; all else is 0 */
     uint64_t temporary_bytes; /* on the disk at most, while the run lasts */
     uint64_t output_bytes;    /* as binary PLY */
     uint64_t free_bytes;      /* now, where temporary files go; 0: not known */
@@ -595,9 +595,9 @@ typedef struct spbm_plan {
  * SPBM_NO_MEMORY (the budget is below memory_least, which the words tell), and SPBM_BAD_INPUT for
  * what is no mesh.
  */
-SPBM_API spbm_status spbm_simplify_plan(spbm_job *job, const char *const *inputs, size_t input_count,
-                                        const char *output, const spbm_simplify_options *options,
-                                        spbm_plan *plan);
+SPBM_API spbm_status spbm_simplify_plan(spbm_job *job, const char *const *inputs,
+                                        size_t input_count, const char *output,
+                                        const spbm_simplify_options *options, spbm_plan *plan);
 
 /* Writes a store's mesh as a mesh file, streamed. */
 SPBM_API spbm_status spbm_export(spbm_job *job, const char *store, const char *output,

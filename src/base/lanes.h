@@ -14,6 +14,8 @@
 #include <stdint.h>
 #include <string.h>
 
+#include "base/float4.h"
+
 #define LANES_INLINE static inline __attribute__((always_inline))
 
 #if defined(__x86_64__)
@@ -85,9 +87,6 @@ LANES_INLINE float8 lanes_all_least(float8 v)
     return lanes_least(v, __builtin_shufflevector(v, v, 1, 0, 3, 2, 5, 4, 7, 6));
 }
 
-/* Four lanes. */
-typedef float float4 __attribute__((vector_size(16)));
-
 LANES_INLINE float4 lanes_low(float8 v)
 {
     return __builtin_shufflevector(v, v, 0, 1, 2, 3);
@@ -98,22 +97,10 @@ LANES_INLINE float4 lanes_high(float8 v)
     return __builtin_shufflevector(v, v, 4, 5, 6, 7);
 }
 
-/* One bit a lane, of the four of a mask. */
-LANES_INLINE unsigned four_bits(float4 mask)
-{
-#if defined(__x86_64__)
-    return (unsigned)__builtin_ia32_movmskps(mask);
-#else
-    uint32_t words[4];
-    memcpy(words, &mask, sizeof words);
-    return (words[0] & 1) | (words[1] & 2) | (words[2] & 4) | (words[3] & 8);
-#endif
-}
-
 /* One bit a lane. */
 LANES_INLINE unsigned lanes_bits(int8x32 mask)
 {
-    return four_bits(lanes_low((float8)mask)) | four_bits(lanes_high((float8)mask)) << 4;
+    return float4_bits(lanes_low((float8)mask)) | float4_bits(lanes_high((float8)mask)) << 4;
 }
 
 LANES_INLINE bool lanes_any(int8x32 mask)

@@ -7,6 +7,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/float4.h"
 #include "base/memory.h"
 #include "base/parallel.h"
 #include "mesh/lookup.h"
@@ -56,14 +57,6 @@ static struct box empty_box(void)
     return (struct box){{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
 }
 
-typedef float float4 __attribute__((vector_size(16)));
-typedef int32_t int4 __attribute__((vector_size(16)));
-
-static inline float4 choose(int4 mask, float4 a, float4 b)
-{
-    return (float4)((mask & (int4)a) | (~mask & (int4)b));
-}
-
 static void widen_by(double value, unsigned axis, struct box *box)
 {
     box->low[axis] = value < box->low[axis] ? value : box->low[axis];
@@ -84,8 +77,8 @@ static void widen_box(const void *positions, size_t count, bool is_float32, stru
             for (unsigned i = 0; i < 3; i++) {
                 float4 values;
                 memcpy(&values, floats + at + 4 * (size_t)i, sizeof values);
-                low[i] = choose(values < low[i], values, low[i]);
-                high[i] = choose(values > high[i], values, high[i]);
+                low[i] = float4_choose(values < low[i], values, low[i]);
+                high[i] = float4_choose(values > high[i], values, high[i]);
             }
         for (unsigned i = 0; i < 12; i++) {
             widen_by((double)low[i / 4][i % 4], i % 3, box);

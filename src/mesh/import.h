@@ -38,22 +38,22 @@ struct import_sink {
 };
 
 /* Looks at the first bytes of a stream. FORMAT_UNKNOWN when none fits. */
-enum status import_probe(struct context *ctx, struct instream *stream, enum mesh_format *format)
-    MUST_CHECK;
+enum status import_probe(struct context *ctx, struct instream *stream,
+                         enum mesh_format *format) MUST_CHECK;
 
 /* Reads the whole stream into the sink. Messages name the stream, the position and the reason. */
-enum status import_read(struct context *ctx, struct instream *stream, const struct import_sink *sink)
-    MUST_CHECK;
+enum status import_read(struct context *ctx, struct instream *stream,
+                        const struct import_sink *sink) MUST_CHECK;
 
 /* The readers, for import_read's table and the tests. */
-enum status import_ply(struct context *ctx, struct instream *stream, const struct import_sink *sink)
-    MUST_CHECK;
-enum status import_obj(struct context *ctx, struct instream *stream, const struct import_sink *sink)
-    MUST_CHECK;
-enum status import_stl(struct context *ctx, struct instream *stream, const struct import_sink *sink)
-    MUST_CHECK;
-enum status import_off(struct context *ctx, struct instream *stream, const struct import_sink *sink)
-    MUST_CHECK;
+enum status import_ply(struct context *ctx, struct instream *stream,
+                       const struct import_sink *sink) MUST_CHECK;
+enum status import_obj(struct context *ctx, struct instream *stream,
+                       const struct import_sink *sink) MUST_CHECK;
+enum status import_stl(struct context *ctx, struct instream *stream,
+                       const struct import_sink *sink) MUST_CHECK;
+enum status import_off(struct context *ctx, struct instream *stream,
+                       const struct import_sink *sink) MUST_CHECK;
 
 /*
  * Reads one mesh file as it is into memory: nothing is cleaned, polygons are triangulated, an STL

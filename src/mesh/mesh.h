@@ -17,14 +17,14 @@
 /* ---- vertex attributes: the scalar properties of a PLY vertex besides x, y, z ---- */
 
 enum scalar_type { /* the order is part of both file formats */
-    SCALAR_INT8,
-    SCALAR_UINT8,
-    SCALAR_INT16,
-    SCALAR_UINT16,
-    SCALAR_INT32,
-    SCALAR_UINT32,
-    SCALAR_FLOAT32,
-    SCALAR_FLOAT64
+                   SCALAR_INT8,
+                   SCALAR_UINT8,
+                   SCALAR_INT16,
+                   SCALAR_UINT16,
+                   SCALAR_INT32,
+                   SCALAR_UINT32,
+                   SCALAR_FLOAT32,
+                   SCALAR_FLOAT64
 };
 
 /* The most vertices, and the most faces, that a mesh can have: UINT32_MAX is no vertex. */
@@ -59,8 +59,8 @@ static inline uint32_t scalar_size(enum scalar_type type)
 struct mesh {
     uint64_t vertex_count;
     uint64_t face_count;
-    double *positions;     /* 3 a vertex */
-    uint32_t *faces;       /* 3 a face, counter-clockwise seen from outside */
+    double *positions; /* 3 a vertex */
+    uint32_t *faces;   /* 3 a face, counter-clockwise seen from outside */
     struct attributes attributes;
     unsigned char *records; /* attributes.stride bytes a vertex; NULL when stride is 0 */
     bool is_float32;

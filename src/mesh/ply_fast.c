@@ -13,8 +13,6 @@
 #include "base/bytes.h"
 #include "base/lanes.h"
 
-typedef uint32_t word4 __attribute__((vector_size(16)));
-
 static uint32_t load_u32_of(const unsigned char *from, bool is_big)
 {
     uint32_t value = load_u32(from);
@@ -135,10 +133,10 @@ static inline uint32_t exponent_carry(uint32_t bits)
 /* Copies `count` float32 coordinates that lie as they are wanted; false if any is not finite. */
 static bool copy_as_is(const unsigned char *from, size_t count, float *floats)
 {
-    word4 carry = {0};
+    uint4 carry = {0};
     size_t i = 0;
     for (; i + 4 <= count; i += 4) {
-        word4 bits;
+        uint4 bits;
         memcpy(&bits, from + 4 * i, sizeof bits);
         memcpy(floats + i, &bits, sizeof bits);
         carry |= (bits & 0x7fffffff) + 0x00800000;
@@ -383,11 +381,11 @@ LANES_INLINE bool copy_triangles(const struct face_plan *plan, const unsigned ch
                                  size_t count, uint32_t *indices, bool is_big)
 {
     const size_t row_size = plan->before + 13 + plan->after;
-    word4 words = {0};
+    uint4 words = {0};
     uint32_t all = 0;
     unsigned differs = 0;
     for (; count > 1 && !is_big; count--, row += row_size, indices += 3) {
-        word4 corners;
+        uint4 corners;
         memcpy(&corners, row + 1, sizeof corners);
         memcpy(indices, &corners, sizeof corners);
         words |= corners;

@@ -121,10 +121,6 @@ static void add_noise(const struct draft *draft, const struct slab_scope *scope,
  * and what is put together for a vector just then waits for its stores. */
 enum { ROOTS = 32 /* a multiple of GROUP */, GROUP = 4 };
 
-typedef float float4 __attribute__((vector_size(16)));
-typedef double double4 __attribute__((vector_size(32)));
-typedef int64_t long4 __attribute__((vector_size(32))); /* of comparisons: 0 or -1 */
-
 struct squares {
     double areas[ROOTS]; /* of the cross products, a face */
     double edges[3 * ROOTS + 3];
@@ -169,18 +165,6 @@ LANES_INLINE void sum_roots(struct squares *squares, struct slab_measures *measu
     squares->face_count = squares->edge_count = 0;
 }
 
-/* Rows become columns. */
-LANES_INLINE void transpose(float4 r[4])
-{
-    const float4 a = __builtin_shufflevector(r[0], r[1], 0, 4, 1, 5);
-    const float4 b = __builtin_shufflevector(r[0], r[1], 2, 6, 3, 7);
-    const float4 c = __builtin_shufflevector(r[2], r[3], 0, 4, 1, 5);
-    const float4 d = __builtin_shufflevector(r[2], r[3], 2, 6, 3, 7);
-    r[0] = __builtin_shufflevector(a, c, 0, 1, 4, 5);
-    r[1] = __builtin_shufflevector(a, c, 2, 3, 6, 7);
-    r[2] = __builtin_shufflevector(b, d, 0, 1, 4, 5);
-}
-
 /* Four floats from where a position lies, but for the last one of the slab's own, which may have
  * nothing behind it, and the foreign ones. */
 LANES_INLINE float4 load_position(const struct measuring *m, uint32_t vertex)
@@ -202,7 +186,7 @@ LANES_INLINE void load_corners(const struct measuring *m, size_t first, unsigned
     float4 rows[GROUP];
     for (unsigned i = 0; i < GROUP; i++)
         rows[i] = load_position(m, m->draft->faces[3 * (first + i) + k]);
-    transpose(rows);
+    float4_transpose(rows);
     for (unsigned c = 0; c < 3; c++)
         to[c] = __builtin_convertvector(rows[c], double4);
 }

@@ -38,9 +38,10 @@ struct slab_measures {
 
 /*
  * Measures a slab whose own and foreign positions are given. For the noise up to NOISE_SAMPLES
- * faces of a single slab, or NOISE_SAMPLES_OF_MANY of one of several, evenly spaced, each give the vertex of their first corner, if its fan is closed, lies in
- * the slab and has at most NOISE_FAN_MAX faces: the distance of the vertex from the mean of its
- * neighbours, along the sum of the fan's face normals (weighted by area).
+ * faces of a single slab, or NOISE_SAMPLES_OF_MANY of one of several, evenly spaced, each give the
+ * vertex of their first corner, if its fan is closed, lies in the slab and has at most
+ * NOISE_FAN_MAX faces: the distance of the vertex from the mean of its neighbours, along the sum of
+ * the fan's face normals (weighted by area).
  */
 enum { NOISE_SAMPLES = 4096, NOISE_SAMPLES_OF_MANY = 1024, NOISE_FAN_MAX = 64 };
 void measure_slab(const struct draft *draft, const struct slab_scope *scope, const float *own,

@@ -9,8 +9,7 @@
 
 /* One end of an edge between two slabs, as one of the two faces sees it. */
 struct half_link {
-    uint64_t
-        key; /* the edge, by its lower face: (face << 2 | edge) << 1 | 1 at the higher vertex */
+    uint64_t key; /* the edge by its lower face: (face << 2 | edge) << 1 | 1 at the higher vertex */
     uint32_t fan; /* at that end */
     uint32_t component;
     uint32_t runs; /* 1 if a face of parity 0 would run from the lower to the higher vertex */

@@ -185,7 +185,8 @@ static void fill_info(struct chain_info *info, const struct store_info *store,
  * slab: 64 bytes.
  */
 enum { WORKER_A_FACE = 176, MAPPED_A_FACE = 32, SHARED_MEMORY = 6 << 20 };
-/* On scans a worker takes 70 to 90 bytes a face, of which a slab that is forgotten gives 31 back. */
+/* On scans a worker takes 70 to 90 bytes a face, of which a slab that is forgotten gives 31 back.
+ */
 enum { BESIDE_A_FACE = 46 };
 
 /* The number of faces may be a guess by a text's first lines: near the bound, the more. */

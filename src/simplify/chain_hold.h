@@ -1,6 +1,6 @@
 /*
- * Blocks that go from patchify to lod in one run as they are, where there is memory for them: beside
- * the run's chain file, which says of these that they have no bytes in it.
+ * Blocks that go from patchify to lod in one run as they are, where there is memory for them:
+ * beside the run's chain file, which says of these that they have no bytes in it.
  */
 #ifndef SPBM_SIMPLIFY_CHAIN_HOLD_H
 #define SPBM_SIMPLIFY_CHAIN_HOLD_H
@@ -24,8 +24,8 @@ struct chain_hold {
 /* Prepares for the blocks of so many slabs; both limits are the caller's. */
 enum status chain_hold_begin(struct context *ctx, uint32_t slab_count, uint32_t stride,
                              struct chain_hold *hold) MUST_CHECK;
-/* Takes a copy of a block as a chain file would give it, but for its seam chains; *is_held is false,
- * and nothing is done, if the limits forbid it. From any worker, each slab once. */
+/* Takes a copy of a block as a chain file would give it, but for its seam chains; *is_held is
+ * false, and nothing is done, if the limits forbid it. From any worker, each slab once. */
 enum status chain_hold_take(struct chain_hold *hold, const struct chain_block *block,
                             bool *is_held) MUST_CHECK;
 /* The block of a slab, whose arrays stay the hold's; false if it is not held. */

@@ -13,8 +13,7 @@
 struct seam_edge {
     uint64_t key; /* lower store vertex << 32 | higher */
     uint32_t slab;
-    uint32_t
-        side; /* patch << 1 | 1 when the slab's face runs from the higher vertex to the lower */
+    uint32_t side; /* patch << 1 | 1 when the slab's face runs from higher to lower */
 };
 
 /* What one slab knows of its seams. Owned by whoever called chain_trace. */

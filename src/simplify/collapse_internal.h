@@ -31,9 +31,8 @@ enum vertex_flag { VERTEX_LOCKED = 1, VERTEX_BORDER = 2 };
 enum { VERTICES_MAX = (1 << 30) - 1 };
 
 struct collapse_corner {
-    uint32_t end; /* where its edge leads */
-    uint32_t
-        swing; /* the next corner at the same vertex, counter-clockwise; NO_INDEX: the border */
+    uint32_t end;   /* where its edge leads */
+    uint32_t swing; /* the next corner at its vertex, counter-clockwise; NO_INDEX: the border */
 };
 
 struct collapse_vertex {
@@ -97,8 +96,8 @@ struct collapse {
 /* The neighbours of a vertex, counter-clockwise. corners[i] is the corner at the vertex whose edge
  * goes to vertices[i]; an open ring has one vertex more than corners. */
 struct ring {
-    uint32_t count; /* of vertices; 0: more than RING_MAX */
-    uint32_t faces; /* of faces: count, or count - 1 when open */
+    uint32_t count;                /* of vertices; 0: more than RING_MAX */
+    uint32_t faces;                /* of faces: count, or count - 1 when open */
     uint32_t vertices[RING_LANES]; /* what stands behind the last, vectors need */
     uint32_t corners[RING_MAX + 1];
 };

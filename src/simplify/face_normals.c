@@ -12,20 +12,10 @@
 #include <string.h>
 
 #include "base/lanes.h"
-#include "simplify/float4.h"
-
-typedef int32_t int4 __attribute__((vector_size(16)));
-typedef double double4 __attribute__((vector_size(32)));
 
 /* A face is of zero area when the square of the sine of its first corner's angle is below this:
  * some 100 times the rounding error of the cross product in double precision. */
 static const double zero_sine_squared = 1e-28;
-
-/* a where the mask is set, else b. */
-static inline float4 choose(int4 mask, float4 a, float4 b)
-{
-    return (float4)((mask & (int4)a) | (~mask & (int4)b));
-}
 
 /* Extremes of `count` values, three coordinates in turn: of four vertices at a time, which are
  * three vectors. */
@@ -43,8 +33,8 @@ static void find_box(const float *values, size_t count, float low[3], float high
             for (unsigned i = 0; i < 3; i++) {
                 float4 x;
                 memcpy(&x, values + at + 4 * (size_t)i, sizeof x);
-                least[i] = choose(x < least[i], x, least[i]);
-                most[i] = choose(x > most[i], x, most[i]);
+                least[i] = float4_choose(x < least[i], x, least[i]);
+                most[i] = float4_choose(x > most[i], x, most[i]);
             }
         for (unsigned i = 0; i < 3; i++) {
             float4_store(lows + 4 * (size_t)i, least[i]);
@@ -96,19 +86,6 @@ struct batch {
     double edges[BATCH];    /* the product of the two edges' squares */
 };
 
-/* Rows become columns. */
-LANES_INLINE void transpose(float4 r[4])
-{
-    const float4 a = __builtin_shufflevector(r[0], r[1], 0, 4, 1, 5);
-    const float4 b = __builtin_shufflevector(r[0], r[1], 2, 6, 3, 7);
-    const float4 c = __builtin_shufflevector(r[2], r[3], 0, 4, 1, 5);
-    const float4 d = __builtin_shufflevector(r[2], r[3], 2, 6, 3, 7);
-    r[0] = __builtin_shufflevector(a, c, 0, 1, 4, 5);
-    r[1] = __builtin_shufflevector(a, c, 2, 3, 6, 7);
-    r[2] = __builtin_shufflevector(b, d, 0, 1, 4, 5);
-    r[3] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
-}
-
 /* Corner k of four faces, in doubles. */
 LANES_INLINE void load_corners(const struct slab_local *local, const uint32_t faces[4], unsigned k,
                                double4 to[3])
@@ -118,7 +95,7 @@ LANES_INLINE void load_corners(const struct slab_local *local, const uint32_t fa
         const uint32_t vertex = local->faces[FACE_STRIDE * (size_t)faces[i] + k];
         memcpy(&rows[i], local->positions + 3 * (size_t)vertex, sizeof rows[i]);
     }
-    transpose(rows);
+    float4_transpose(rows);
     for (unsigned c = 0; c < 3; c++)
         to[c] = __builtin_convertvector(rows[c], double4);
 }
@@ -171,7 +148,7 @@ LANES_INLINE void store_four(const struct batch *batch, uint32_t i, uint32_t cou
         memcpy(&values, (c < 3 ? batch->cross[c] : batch->square) + i, sizeof values);
         rows[c] = __builtin_convertvector(values, float4);
     }
-    transpose(rows);
+    float4_transpose(rows);
     for (unsigned k = 0; k < 4 && i + k < count; k++)
         float4_store(normals + NORMAL_STRIDE * (size_t)k, rows[k]);
 }

@@ -4,7 +4,7 @@
 #ifndef SPBM_SIMPLIFY_PATCH_INTERNAL_H
 #define SPBM_SIMPLIFY_PATCH_INTERNAL_H
 
-#include "simplify/float4.h"
+#include "base/float4.h"
 #include "simplify/patchify.h"
 
 /* Every face of a patch adds at most two others, the seed three, and each is added by one that

@@ -9,12 +9,8 @@
 
 #include <string.h>
 
+#include "base/float4.h"
 #include "base/memory.h"
-
-/* A face's numbers are read, changed and written as one vector, whose fourth number the next face
- * writes over. */
-typedef uint32_t uint4 __attribute__((vector_size(16)));
-typedef int32_t int4 __attribute__((vector_size(16)));
 
 static enum status reserve(struct context *ctx, struct slab_local *local, size_t vertices,
                            size_t foreign)
@@ -65,7 +61,8 @@ static enum status foreign_corner(struct context *ctx, const struct slab *slab, 
     return STATUS_OK;
 }
 
-/* Three numbers of a face in a vector. */
+/* Three numbers of a face in a vector. (They are read, changed and written as one, whose fourth
+ * number the next face writes over.) */
 static inline uint4 load_three(const uint32_t *from)
 {
     uint4 three = {0};

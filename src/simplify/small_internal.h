@@ -1,5 +1,6 @@
 /*
- * What small_mesh.c, small_edges.c, small_chains.c and small_loss.c share: a block's small mesh while it is built.
+ * What small_mesh.c, small_edges.c, small_chains.c and small_loss.c share: a block's small mesh
+ * while it is built.
  */
 #ifndef SPBM_SIMPLIFY_SMALL_INTERNAL_H
 #define SPBM_SIMPLIFY_SMALL_INTERNAL_H
@@ -25,20 +26,20 @@ struct small_builder {
     uint32_t chain_total; /* chains, then seam chains */
     uint32_t use_count;
     uint32_t segment_count; /* of all chains as they were cut */
-    uint32_t *use_first;  /* a patch, and one more */
-    uint32_t *face_first; /* likewise, of the faces that it was cut into */
-    uint32_t *uses;       /* chain << 1 | walked from its end */
-    unsigned char *keep;  /* a vertex: it is in the mesh */
-    unsigned char *full;  /* a chain: 1 when all its vertices were given back */
-    float *dropped;       /* a chain: the largest error of what is not kept of it */
-    uint32_t *heads;      /* a vertex: its first entry */
+    uint32_t *use_first;    /* a patch, and one more */
+    uint32_t *face_first;   /* likewise, of the faces that it was cut into */
+    uint32_t *uses;         /* chain << 1 | walked from its end */
+    unsigned char *keep;    /* a vertex: it is in the mesh */
+    unsigned char *full;    /* a chain: 1 when all its vertices were given back */
+    float *dropped;         /* a chain: the largest error of what is not kept of it */
+    uint32_t *heads;        /* a vertex: its first entry */
     size_t heads_count;
     struct edge_entry *entries;
     uint32_t entry_count, entry_capacity;
     uint64_t *seen; /* a bit for each of all edges entered, several edges having the same */
     size_t seen_words;
     unsigned seen_shift; /* from 32 bits to the number of one of them */
-    float *line; /* one chain's positions */
+    float *line;         /* one chain's positions */
     float *line_errors;
     uint32_t line_capacity;
     uint32_t *loop; /* one patch's kept vertices */

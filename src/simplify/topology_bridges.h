@@ -30,9 +30,9 @@ void bridge_workspace_clear(struct context *ctx, struct bridge_workspace *space)
 
 /*
  * `corners`: all loops, one after the other; loop i begins at starts[i], and starts[loop_count] is
- * their number. The first loop is the outer one, counter-clockwise; the others are holes, clockwise.
- * `polygon` gets starts[loop_count] + 2 (loop_count - 1) vertices. *possible is false if a hole sees
- * no corner to its right, or a bridge would be an edge in `taken`.
+ * their number. The first loop is the outer one, counter-clockwise; the others are holes,
+ * clockwise. `polygon` gets starts[loop_count] + 2 (loop_count - 1) vertices. *possible is false if
+ * a hole sees no corner to its right, or a bridge would be an edge in `taken`.
  */
 enum status bridge_holes(struct context *ctx, struct bridge_workspace *space,
                          const struct outline_corner *corners, const uint32_t *starts,
