@@ -8,6 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "test_files.h"
 #include "test_gzip.h"
 #include "test_kit.h"
 
@@ -124,7 +125,7 @@ struct collected collect(import_function reader, const void *data, size_t size, 
         if (feed == FEED_GZIP)
             gzip_write(test_path("input"), data, size);
         else
-            test_write_file(test_path("input"), data, size);
+            file_write(test_path("input"), data, size);
         all.status = instream_open(&ctx, test_path("input"), &stream);
     } else {
         assert_int_equal(pipe(ends), 0);

@@ -16,16 +16,8 @@ int folder_count(const char *folder);
 const char *folder_path(char path[TEST_PATH], const char *folder, const char *name);
 
 void file_write(const char *path, const void *data, size_t size);
-/* The whole file, to be freed; *size may be NULL. NULL when there is no such file. */
+/* The whole file or all that comes through a pipe, a NUL behind it, to be freed; *size may be NULL.
+ * NULL when there is no such file. */
 unsigned char *file_read(const char *path, size_t *size);
-
-/* The bytes of the first of several files that must be alike; all zero at first. */
-struct first_bytes {
-    unsigned char *bytes; /* to be freed in the end */
-    size_t size;
-};
-
-/* Keeps the first bytes given, and fails the test when later ones differ. Takes the bytes. */
-void first_bytes_compare(struct first_bytes *first, unsigned char *bytes, size_t size);
 
 #endif

@@ -4,6 +4,7 @@
  * edge midpoints found by search in a sorted table. Nothing here uses the code under test but
  * memory.h, for the arrays of a struct mesh.
  */
+#include "test_files.h"
 #include "test_shapes.h"
 
 #include <dirent.h>
@@ -811,7 +812,7 @@ void shape_write(const struct shape *shape, enum shape_format format, const char
 {
     size_t size;
     unsigned char *data = shape_encode(shape, format, &size);
-    test_write_file(path, data, size);
+    file_write(path, data, size);
     free(data);
 }
 
@@ -864,38 +865,10 @@ const char *test_path(const char *name)
     return buffer;
 }
 
-void test_write_file(const char *path, const void *data, size_t size)
-{
-    FILE *file = fopen(path, "wb");
-    check(file != NULL, "opening a file for writing");
-    check(fwrite(data, 1, size, file) == size, "writing");
-    check(fclose(file) == 0, "closing");
-}
-
-unsigned char *test_read_file(const char *path, size_t *size)
-{
-    struct bytes out = {0};
-    FILE *file = fopen(path, "rb");
-    if (!file)
-        return NULL;
-    put(&out, "", 0);
-    char piece[65536];
-    for (size_t got; (got = fread(piece, 1, sizeof piece, file)) > 0;)
-        put(&out, piece, got);
-    bool failed = ferror(file);
-    fclose(file);
-    if (failed) {
-        free(out.data);
-        return NULL;
-    }
-    *size = out.size;
-    return out.data;
-}
-
 const char *test_data(const char *name)
 {
     static const char *const folders[] = {"../shared/data", "../../shared/data",
-                                          "../../../shared/data", "/work/shared/data"};
+                                          "../../../shared/data"};
     size_t size;
     char *buffer = next_path_buffer(&size);
     const char *given = getenv("SPBM_DATA");

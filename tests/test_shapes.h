@@ -98,11 +98,8 @@ void shape_write(const struct shape *shape, enum shape_format format, const char
 const char *test_folder(void);
 /* "<test folder>/<name>" in one of eight buffers used in turn: valid for the next seven calls. */
 const char *test_path(const char *name);
-void test_write_file(const char *path, const void *data, size_t size);
-/* All bytes of a file, to be freed (a NUL follows them); NULL if it cannot be read. */
-unsigned char *test_read_file(const char *path, size_t *size);
-/* "<SPBM_DATA>/<name>", default folder ../shared/data, also looked for further up the tree and at
- * /work/shared/data; NULL when absent: skip() then. Same buffers as test_path. */
+/* "<SPBM_DATA>/<name>", default folder ../shared/data, also looked for further up the tree; NULL
+ * when absent: skip() then. Same buffers as test_path. */
 const char *test_data(const char *name);
 
 /* ---- reproducible random numbers (splitmix64) ---- */

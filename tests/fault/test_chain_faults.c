@@ -12,6 +12,7 @@
 #include "mesh/store_hold.h"
 #include "simplify/patchify.h"
 #include "simplify/simplify.h"
+#include "test_alike.h"
 #include "test_kit.h"
 #include "test_shapes.h"
 
@@ -218,13 +219,7 @@ static void small_budgets(void **unused)
         context_clear(&ctx);
         if (status)
             continue;
-        size_t size, other_size;
-        unsigned char *bytes = test_read_file(chain_path, &size);
-        unsigned char *other = test_read_file(other_path, &other_size);
-        assert_int_equal(size, other_size);
-        assert_memory_equal(bytes, other, size);
-        free(bytes);
-        free(other);
+        files_must_be_alike(chain_path, other_path);
     }
     assert_true(succeeded && refused);
 }

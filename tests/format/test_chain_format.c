@@ -10,6 +10,7 @@
 #include "simplify/chain_trunk.h"
 #include "simplify/simplify.h"
 #include "test_chains.h"
+#include "test_files.h"
 #include "test_kit.h"
 #include "test_shapes.h"
 
@@ -178,7 +179,7 @@ static void damage_is_noticed(void **unused)
     struct context ctx;
     context_init(&ctx);
     const char *path = test_path("damaged.chains");
-    test_write_file(path, "spbmCHN1", 8);
+    file_write(path, "spbmCHN1", 8);
     char text[TEXT_MAX];
     assert_int_not_equal(run_reader(path, text), 0);
     assert_non_null(strstr(text, "too short"));

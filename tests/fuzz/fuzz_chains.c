@@ -10,6 +10,7 @@
 
 #include "mesh/import.h"
 #include "simplify/simplify.h"
+#include "test_files.h"
 #include "test_shapes.h"
 
 const bool target_keeps_length = true;
@@ -121,7 +122,7 @@ void target_seeds(const struct seed_taker *taker)
                         "a seed gives its level");
                 target_clear("level.ply");
             }
-            unsigned char *bytes = test_read_file(chains, &size);
+            unsigned char *bytes = file_read(chains, &size);
             require(bytes != NULL, "a seed can be read");
             taker->take(taker->user, bytes, size);
             free(bytes);

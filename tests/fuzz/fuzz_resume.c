@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "api_resume.h"
+#include "test_files.h"
 #include "test_shapes.h"
 
 const bool target_keeps_length = true;
@@ -83,7 +84,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     close_run(&ctx, &folder, true);
 
     size_t right_size;
-    unsigned char *right = test_read_file(state, &right_size);
+    unsigned char *right = file_read(state, &right_size);
     require(right != NULL, "the state can be read");
     bool is_same = right_size == size && memcmp(right, data, size) == 0;
     free(right);
@@ -122,7 +123,7 @@ void target_seeds(const struct seed_taker *taker)
         open_run(&ctx, place, which ? place->other : place->input, &folder);
         require(run_folder_file(&folder, "job.state", state), "a new run has a state");
         size_t size;
-        unsigned char *bytes = test_read_file(state, &size);
+        unsigned char *bytes = file_read(state, &size);
         require(bytes != NULL, "the state can be read");
         close_run(&ctx, &folder, false);
         taker->take(taker->user, bytes, size);

@@ -12,6 +12,7 @@
 #include "mesh/import.h"
 #include "mesh/store.h"
 #include "simplify/simplify.h"
+#include "test_files.h"
 #include "test_shapes.h"
 
 const bool target_keeps_length = true;
@@ -123,7 +124,7 @@ void target_seeds(const struct seed_taker *taker)
             struct import_options options = {.slab_shift = slab_shifts[i]};
             require(store_build(&ctx, &path, 1, target_path("store"), &options, NULL) == STATUS_OK,
                     "a seed can be imported");
-            unsigned char *store = test_read_file(target_path("store"), &size);
+            unsigned char *store = file_read(target_path("store"), &size);
             require(store != NULL, "a seed can be read");
             target_clear("store");
             taker->take(taker->user, store, size);

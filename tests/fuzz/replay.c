@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "test_files.h"
 #include "test_shapes.h"
 
 struct replay {
@@ -100,7 +101,7 @@ int main(int argc, char **argv)
     } else if (argc > 1) {
         for (int i = 1; i < argc; i++) {
             size_t size;
-            unsigned char *data = test_read_file(argv[i], &size);
+            unsigned char *data = file_read(argv[i], &size);
             require(data != NULL, "the file can be read");
             LLVMFuzzerTestOneInput(data, size);
             free(data);

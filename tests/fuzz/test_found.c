@@ -7,6 +7,7 @@
 #include "simplify/chain_frame.h"
 #include "simplify/collapse.h"
 #include "simplify/simplify.h"
+#include "test_files.h"
 #include "test_kit.h"
 #include "test_shapes.h"
 #include "test_topology_kit.h"
@@ -136,7 +137,7 @@ static void a_ply_without_attributes(void **state)
     const struct export_options options = {.format = EXPORT_PLY, .as_float32 = true};
     assert_int_equal(mesh_save(&ctx, test_path("out.ply"), &options, &mesh), STATUS_OK);
     size_t size;
-    unsigned char *bytes = test_read_file(test_path("out.ply"), &size);
+    unsigned char *bytes = file_read(test_path("out.ply"), &size);
     assert_non_null(bytes);
     assert_true(size > 4 * 12 + 4 * 13);
     free(bytes);

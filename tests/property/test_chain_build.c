@@ -11,7 +11,9 @@
 #include "mesh/store.h"
 #include "simplify/patchify.h"
 #include "simplify/simplify.h"
+#include "test_alike.h"
 #include "test_chains.h"
+#include "test_files.h"
 #include "test_kit.h"
 #include "test_shapes.h"
 
@@ -84,17 +86,6 @@ static void labels_must_fit(const char *store_path, const char *chain_path)
     context_clear(&ctx);
 }
 
-static void files_must_agree(const char *one, const char *other)
-{
-    size_t size, other_size;
-    unsigned char *bytes = test_read_file(one, &size);
-    unsigned char *other_bytes = test_read_file(other, &other_size);
-    assert_int_equal(size, other_size);
-    assert_memory_equal(bytes, other_bytes, size);
-    free(bytes);
-    free(other_bytes);
-}
-
 static void build_and_check(const char *store_path, const struct request *request,
                             unsigned threads_max)
 {
@@ -110,7 +101,7 @@ static void build_and_check(const char *store_path, const struct request *reques
                          &request->patch, &info));
         assert_int_equal(ctx.memory_now, 0);
         if (threads > 1)
-            files_must_agree(first, path);
+            files_must_be_alike(first, path);
         context_clear(&ctx);
     }
     context_init(&ctx);
@@ -203,7 +194,7 @@ static void dragon(void **unused)
     struct request request = angles(25, 20, 0);
     real_scan("stanford_dragon.ply.gz", &request);
     size_t size;
-    unsigned char *bytes = test_read_file(test_path("one.chains"), &size);
+    unsigned char *bytes = file_read(test_path("one.chains"), &size);
     free(bytes);
     assert_true(size <= (size_t)(0.15 * (13.0 * 871414 + 12.0 * 437645)));
 }
@@ -265,7 +256,7 @@ static void budgets_do_not_show(void **unused)
         for (unsigned all = 0; all < 2; all++) {
             uint64_t least = chain_build_least_memory(all ? threads[i] : 1, 0, 0);
             assert_true(build_within(store, path, &request, threads[i], least) <= least);
-            files_must_agree(first, path);
+            files_must_be_alike(first, path);
         }
     }
 }

@@ -11,6 +11,7 @@
 #include "simplify/simplify.h"
 #include "simplify/topology.h"
 #include "spbm.h"
+#include "test_alike.h"
 #include "test_chains.h"
 #include "test_files.h"
 #include "test_kit.h"

@@ -187,7 +187,7 @@ static void make_chains(struct context *ctx, unsigned round, uint64_t *random, c
 static void must_be_alike(const char *path, const char *other)
 {
     size_t size[2];
-    unsigned char *bytes[2] = {test_read_file(path, &size[0]), test_read_file(other, &size[1])};
+    unsigned char *bytes[2] = {file_read(path, &size[0]), file_read(other, &size[1])};
     assert_non_null(bytes[0]);
     assert_non_null(bytes[1]);
     assert_int_equal(size[0], size[1]);

@@ -15,6 +15,7 @@
 #include "base/cpu.h"
 #include "base/memory.h"
 #include "mesh/store.h"
+#include "test_alike.h"
 #include "test_facts.h"
 #include "test_shapes.h"
 
@@ -300,13 +301,7 @@ static void compare_scalar(const char *input, const char *store, struct import_o
     ctx.threads = 1;
     assert_int_equal(store_build(&ctx, &input, 1, output, &options, NULL), STATUS_OK);
     context_clear(&ctx);
-    size_t size, scalar_size;
-    unsigned char *bytes = test_read_file(store, &size);
-    unsigned char *scalar_bytes = test_read_file(output, &scalar_size);
-    assert_int_equal(size, scalar_size);
-    assert_memory_equal(bytes, scalar_bytes, size);
-    free(bytes);
-    free(scalar_bytes);
+    files_must_be_alike(store, output);
 }
 
 static void build(const struct shape *shape, unsigned shift, uint64_t working_memory,

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "spbm.h"
+#include "test_alike.h"
 #include "test_files.h"
 
 /* A closed strip of 2 n triangles round an axis, with two caps of n: a drum of 4 n faces. */

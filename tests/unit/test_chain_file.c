@@ -21,6 +21,7 @@
 #include "simplify/chain_loops.h"
 #include "simplify/chain_trace.h"
 #include "test_chains.h"
+#include "test_files.h"
 #include "test_kit.h"
 #include "test_shapes.h"
 
@@ -199,7 +200,7 @@ struct pipe_reader {
 static void *read_pipe(void *user)
 {
     struct pipe_reader *reader = user;
-    reader->bytes = test_read_file(reader->path, &reader->size);
+    reader->bytes = file_read(reader->path, &reader->size);
     return NULL;
 }
 
@@ -218,7 +219,7 @@ static void a_pipe_gets_the_same_bytes(void **unused)
     chain_set_write(&fixture.set, path, 6);
     pthread_join(thread, NULL);
     size_t size;
-    unsigned char *bytes = test_read_file(fixture.path, &size);
+    unsigned char *bytes = file_read(fixture.path, &size);
     assert_int_equal(size, reader.size);
     assert_memory_equal(bytes, reader.bytes, size);
     free(bytes);
@@ -258,7 +259,7 @@ static void every_flipped_bit_is_found(void **unused)
     char error[1024];
     must(check(fixture.path, error, sizeof error));
     size_t size;
-    unsigned char *bytes = test_read_file(fixture.path, &size);
+    unsigned char *bytes = file_read(fixture.path, &size);
     int fd = open(fixture.path, O_WRONLY); /* changed in place: thousands of new files are slow */
     assert_true(fd >= 0);
     for (size_t bit = 0; bit < 8 * size; bit++) {
@@ -631,7 +632,7 @@ static void other_files_are_refused(void **unused)
     (void)unused;
     char error[1024];
     const char *path = test_path("other");
-    test_write_file(path, "ply\nformat ascii 1.0\n", 21);
+    file_write(path, "ply\nformat ascii 1.0\n", 21);
     assert_int_equal(read_all(path, error, sizeof error), STATUS_BAD_INPUT);
     assert_non_null(strstr(error, "chain file"));
     assert_int_equal(read_all(test_path("absent"), error, sizeof error), STATUS_IO);

@@ -13,7 +13,9 @@
 #include "simplify/chain_frame.h"
 #include "simplify/chain_trunk.h"
 #include "simplify/simplify.h"
+#include "test_alike.h"
 #include "test_chains.h"
+#include "test_files.h"
 #include "test_kit.h"
 #include "test_shapes.h"
 
@@ -120,22 +122,15 @@ static void levels_are_the_same(void **unused)
         assert_int_equal(reports[0].small_faces, reports[1].small_faces);
         for (unsigned level = 0; level < reports[0].level_count; level++) {
             char name[2][32];
-            unsigned char *bytes[2];
-            size_t sizes[2];
             for (unsigned j = 0; j < 2; j++) {
                 const char *what = j ? "kept" : "plain";
                 if (reports[0].level_count > 1)
                     snprintf(name[j], sizeof name[j], "%s-%u.ply", what, level);
                 else
                     snprintf(name[j], sizeof name[j], "%s-0.ply", what);
-                bytes[j] = test_read_file(test_path(name[j]), &sizes[j]);
-                assert_non_null(bytes[j]);
             }
             assert_true(reports[0].levels[level].error == reports[1].levels[level].error);
-            assert_int_equal(sizes[0], sizes[1]);
-            assert_memory_equal(bytes[0], bytes[1], sizes[0]);
-            free(bytes[0]);
-            free(bytes[1]);
+            files_must_be_alike(test_path(name[0]), test_path(name[1]));
         }
         assert_int_equal(ctx.memory_now, 0);
         context_clear(&ctx);
@@ -166,7 +161,7 @@ static void every_changed_byte_is_found(void **unused)
     struct section_reader reader;
     size_t size;
     snprintf(path, sizeof path, "%s", test_path("changed.chains"));
-    unsigned char *bytes = test_read_file(kept, &size);
+    unsigned char *bytes = file_read(kept, &size);
     context_init(&ctx);
     must(section_file_open(&ctx, kept, CHAIN_MAGIC, CHAIN_VERSION, "it", &reader));
     const struct section trunk = *section_find(&reader, CHAIN_SECTION_TRUNK);
@@ -174,7 +169,7 @@ static void every_changed_byte_is_found(void **unused)
     context_clear(&ctx);
     for (uint64_t at = 0; at < trunk.length; at += at < BLOCK_HEADER_SIZE ? 1 : 211) {
         bytes[trunk.offset + at] ^= 0x10;
-        test_write_file(path, bytes, size);
+        file_write(path, bytes, size);
         assert_int_equal(read_and_use(path, error), STATUS_BAD_INPUT);
         assert_non_null(strstr(error, "TRNK"));
         bytes[trunk.offset + at] ^= 0x10;

@@ -4,6 +4,7 @@
  */
 #include "mesh/estimate.h"
 #include "test_kit.h"
+#include "test_files.h"
 #include "test_gzip.h"
 #include "test_shapes.h"
 
@@ -58,7 +59,7 @@ static void formats_that_do_not_tell(void **state)
     struct shape shape = shape_grid(500, 400);
     size_t size;
     unsigned char *data = shape_encode(&shape, SHAPE_OBJ, &size);
-    test_write_file(plain, data, size);
+    file_write(plain, data, size);
     gzip_write(zipped, data, size);
     free(data);
     const char *const paths[] = {plain, zipped};
@@ -85,7 +86,7 @@ static void claims_are_not_believed(void **state)
         "property float x\nproperty float y\nproperty float z\nelement face 4000000000\n"
         "property list uchar int vertex_indices\nend_header\n0000";
     const char *plain = test_path("lie.ply"), *zipped = test_path("lie.ply.gz");
-    test_write_file(plain, text, sizeof text);
+    file_write(plain, text, sizeof text);
     gzip_write(zipped, text, sizeof text);
     assert_in_range(estimate_of(plain).faces, 0, sizeof text);
     assert_in_range(estimate_of(plain).vertices, 0, 3 * sizeof text);
@@ -96,7 +97,7 @@ static void what_is_no_mesh_is_nothing(void **state)
 {
     (void)state;
     const char *path = test_path("notes.txt");
-    test_write_file(path, "Dear colleague\n", 15);
+    file_write(path, "Dear colleague\n", 15);
     const char *const paths[] = {path, "-", "/", "/dev/zero", "/nonexistent/in.ply", ""};
     for (unsigned i = 0; i < sizeof paths / sizeof *paths; i++) {
         struct mesh_estimate found = estimate_of(paths[i]);

@@ -3,6 +3,7 @@
 #include "base/memory.h"
 #include "mesh/export.h"
 #include "mesh/import.h"
+#include "test_files.h"
 #include "test_kit.h"
 #include "test_shapes.h"
 
@@ -157,7 +158,7 @@ static void stl_comes_back_face_by_face(void **state)
             assert_true(p[0] == q[0] && p[1] == q[1] && p[2] == q[2]);
         }
         size_t size;
-        unsigned char *data = test_read_file(test_path("a.stl"), &size);
+        unsigned char *data = file_read(test_path("a.stl"), &size);
         assert_int_equal(size, 84 + 50 * mesh.face_count);
         for (size_t f = 0; f < mesh.face_count; f += 97) { /* normals look outwards, length 1 */
             const unsigned char *facet = data + 84 + 50 * f;

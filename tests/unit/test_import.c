@@ -4,6 +4,7 @@
 #include "test_collect.h"
 #include "test_facts.h"
 #include "test_kit.h"
+#include "test_files.h"
 #include "test_gzip.h"
 #include "test_shapes.h"
 
@@ -17,7 +18,7 @@ static enum mesh_format probe(const void *data, size_t size)
     struct instream *stream;
     enum mesh_format format;
     context_init(&ctx);
-    test_write_file(test_path("input"), data, size);
+    file_write(test_path("input"), data, size);
     assert_int_equal(instream_open(&ctx, test_path("input"), &stream), STATUS_OK);
     assert_int_equal(import_probe(&ctx, stream, &format), STATUS_OK);
     assert_int_equal(instream_position(stream), 0); /* nothing is taken */
@@ -217,7 +218,7 @@ static void wrong_indices_are_refused(void **state)
     struct mesh mesh;
     context_init(&ctx);
     static const char text[] = "OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 1 3\n";
-    test_write_file(test_path("bad.off"), text, sizeof text - 1);
+    file_write(test_path("bad.off"), text, sizeof text - 1);
     assert_int_equal(mesh_load(&ctx, test_path("bad.off"), &mesh), STATUS_BAD_INPUT);
     assert_non_null(strstr(ctx.error, "bad.off"));
     assert_non_null(strstr(ctx.error, "face 1"));
@@ -240,7 +241,7 @@ static void corners_of_an_stl_are_welded_exactly(void **state)
         "endfacet\nfacet normal 0 0 0\nouter loop\nvertex -0 0 -0\nvertex 0 1 0\nvertex 0 0 1\n"
         "endloop\nendfacet\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0 1\n"
         "vertex 1.00000012 0 0\nendloop\nendfacet\nendsolid a\n";
-    test_write_file(test_path("a.stl"), text, sizeof text - 1);
+    file_write(test_path("a.stl"), text, sizeof text - 1);
     load(&ctx, test_path("a.stl"), &mesh);
     static const uint32_t faces[9] = {0, 1, 2, 0, 2, 3, 0, 3, 4};
     assert_int_equal(mesh.vertex_count, 5);

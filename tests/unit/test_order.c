@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "mesh/store.h"
+#include "test_alike.h"
 #include "test_files.h"
 #include "test_shapes.h"
 
@@ -56,7 +57,7 @@ static void write_ply(const struct shape *shape, const struct case_of *c, const 
         append(&at, &three, 1);
         append(&at, corners, 12);
     }
-    test_write_file(path, bytes, (size_t)(at - bytes));
+    file_write(path, bytes, (size_t)(at - bytes));
     free(bytes);
 }
 
@@ -125,7 +126,7 @@ static void build(const char *input, const struct case_of *c, int run, unsigned 
     if (store_build(&ctx, &input, 1, output, &options, info) != STATUS_OK)
         fail_msg("run %d: %s", run, ctx.error);
     assert_int_equal(store_check(&ctx, output), STATUS_OK);
-    *bytes = test_read_file(output, size);
+    *bytes = file_read(output, size);
     context_clear(&ctx);
 }
 

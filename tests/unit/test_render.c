@@ -9,6 +9,7 @@
 
 #include "inspect/font.h"
 #include "inspect/render.h"
+#include "test_files.h"
 #include "test_kit.h"
 #include "test_shapes.h"
 
@@ -304,7 +305,7 @@ static void same_bytes_for_any_threads(void **state)
         size_t size;
         assert_int_equal(render_png(&f.ctx, test_path("picture.png"), &item, 1, &options),
                          STATUS_OK);
-        unsigned char *bytes = test_read_file(test_path("picture.png"), &size);
+        unsigned char *bytes = file_read(test_path("picture.png"), &size);
         if (first) {
             assert_int_equal(size, first_size);
             assert_memory_equal(bytes, first, size);
@@ -389,7 +390,7 @@ static void misuse_and_emptiness(void **state)
     options.width = 1000000;
     assert_int_equal(render_png(&f.ctx, test_path("none.png"), &item, 1, &options), STATUS_MISUSE);
     size_t size;
-    assert_null(test_read_file(test_path("none.png"), &size));
+    assert_null(file_read(test_path("none.png"), &size));
     end(&f);
 
     /* A flat mesh seen from its edge, a point-like one, one far away: no crash, and a picture. */
@@ -424,7 +425,7 @@ static void failing_calls(void **state)
         done = status == STATUS_OK;
         assert_true(done || f.ctx.error[0]);
         size_t size;
-        unsigned char *bytes = test_read_file(test_path("faulty.png"), &size);
+        unsigned char *bytes = file_read(test_path("faulty.png"), &size);
         assert_true(!bytes == !done);
         free(bytes);
         end(&f);

@@ -10,6 +10,7 @@
 
 #include "mesh/sieve.h"
 #include "mesh/store.h"
+#include "test_alike.h"
 #include "test_files.h"
 #include "test_shapes.h"
 
@@ -98,7 +99,7 @@ static void soups_are_the_same_in_any_memory(void **state)
             assert_int_equal(info.cleaning.welded_vertices, 60000);
             assert_int_equal(info.cleaning.unreferenced_vertices, 0);
             size_t size;
-            unsigned char *bytes = test_read_file(output, &size);
+            unsigned char *bytes = file_read(output, &size);
             first_bytes_compare(&first, bytes, size);
             context_clear(&ctx);
         }

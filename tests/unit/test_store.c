@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "mesh/store.h"
+#include "test_alike.h"
 #include "test_facts.h"
 #include "test_files.h"
 #include "test_shapes.h"
@@ -75,7 +76,7 @@ static void refuse(const char *path, enum status wanted, const char *words)
     if (!strstr(ctx.error, words))
         fail_msg("'%s' is not in '%s'", words, ctx.error);
     size_t size;
-    assert_null(test_read_file(output, &size));
+    assert_null(file_read(output, &size));
     assert_int_equal(ctx.memory_now, 0);
     context_clear(&ctx);
 }
@@ -83,7 +84,7 @@ static void refuse(const char *path, enum status wanted, const char *words)
 static void refuse_text(const char *text, const char *words)
 {
     const char *path = test_path("bad");
-    test_write_file(path, text, strlen(text));
+    file_write(path, text, strlen(text));
     refuse(path, STATUS_BAD_INPUT, words);
 }
 
@@ -251,7 +252,7 @@ static void an_input_is_not_its_own_output(void **state)
     struct import_options options = {0};
     assert_int_equal(store_build(&ctx, &path, 1, path, &options, NULL), STATUS_MISUSE);
     size_t size;
-    unsigned char *bytes = test_read_file(path, &size);
+    unsigned char *bytes = file_read(path, &size);
     assert_true(size > 100 && memcmp(bytes, "ply", 3) == 0);
     free(bytes);
     context_clear(&ctx);
@@ -264,7 +265,7 @@ static void faces_may_come_before_their_vertices(void **state)
     const char *text = "v 0 0 0\nf 1 2 3\nf 1 3 4 5\nv 1 0 0\nv 0 1 0\nv -1 1 0\nv -1 0 0\n";
     const char *path = test_path("a.obj");
     struct built b;
-    test_write_file(path, text, strlen(text));
+    file_write(path, text, strlen(text));
     build_files(&path, 1, (struct import_options){0}, &b);
     assert_int_equal(b.info.topology.vertices, 5);
     assert_int_equal(b.info.topology.faces, 3);
@@ -288,8 +289,8 @@ static void several_inputs_are_one_mesh(void **state)
         "5 0 0 1 9 7.5\n6 0 0 2 9 8.5\n5 1 0 3 9 9.5\n3 0 1 2\n";
     const char *paths[2] = {test_path("1.ply"), test_path("2.ply")};
     struct built b;
-    test_write_file(paths[0], first, strlen(first));
-    test_write_file(paths[1], second, strlen(second));
+    file_write(paths[0], first, strlen(first));
+    file_write(paths[1], second, strlen(second));
     build_files(paths, 2, (struct import_options){0}, &b);
     assert_int_equal(b.info.topology.vertices, 6);
     assert_int_equal(b.info.topology.components, 2);
@@ -327,7 +328,7 @@ static void attributes_follow_their_vertices(void **state)
         used += (size_t)sprintf(text + used, "3 %u %u %u\n", shape.indices[3 * f],
                                 shape.indices[3 * f + 1], shape.indices[3 * f + 2]);
     const char *path = test_path("tags.ply");
-    test_write_file(path, text, used);
+    file_write(path, text, used);
     free(text);
     shape_free(&shape);
     struct built b;
@@ -553,7 +554,7 @@ static void all_runs_agree(unsigned shift)
         if (store_build(&ctx, &input, 1, output, &options, NULL) != STATUS_OK)
             fail_msg("run %d: %s", run, ctx.error);
         size_t size;
-        unsigned char *bytes = test_read_file(output, &size);
+        unsigned char *bytes = file_read(output, &size);
         first_bytes_compare(&first, bytes, size);
         context_clear(&ctx);
     }
@@ -619,7 +620,7 @@ static void a_store_takes_at_most_72_bytes_a_vertex(void **state)
     struct built b;
     build_shape(shape_icosphere(6), (struct import_options){0}, &b);
     size_t size;
-    unsigned char *bytes = test_read_file(test_path("a.store"), &size);
+    unsigned char *bytes = file_read(test_path("a.store"), &size);
     assert_true(size <= 72 * b.info.topology.vertices);
     free(bytes);
     built_free(&b);

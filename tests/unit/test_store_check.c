@@ -2,6 +2,7 @@
  * Damaged stores: any single flipped bit and any truncation is found; a store that lies with right
  * checksums is refused with what is wrong, and never leads a reader out of bounds.
  */
+#include "test_files.h"
 #include "test_kit.h"
 
 #include <stdio.h>
@@ -40,7 +41,7 @@ static struct file make_store(void)
         }
     }
     const char *input = test_path("in.ply"), *output = test_path("good.store");
-    test_write_file(input, text, used);
+    file_write(input, text, used);
     struct context ctx;
     context_init(&ctx);
     struct import_options options = {.slab_shift = 4};
@@ -48,7 +49,7 @@ static struct file make_store(void)
     assert_int_equal(store_check(&ctx, output), STATUS_OK);
     context_clear(&ctx);
     struct file file;
-    file.bytes = test_read_file(output, &file.size);
+    file.bytes = file_read(output, &file.size);
     return file;
 }
 
@@ -57,7 +58,7 @@ static const char *bad_path(const unsigned char *bytes, size_t size)
 {
     const char *path = test_path("bad.store");
     remove(path);
-    test_write_file(path, bytes, size);
+    file_write(path, bytes, size);
     return path;
 }
 

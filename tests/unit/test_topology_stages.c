@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "spbm.h"
+#include "test_alike.h"
 #include "test_files.h"
 #include "test_parts.h"
 
@@ -67,18 +68,6 @@ static spbm_status simplify(struct place *place, const char *from, const char *t
     return spbm_simplify(place->job, &from, 1, to, &place->simplify, place->report);
 }
 
-static void expect_same_bytes(const char *a, const char *b)
-{
-    size_t a_size, b_size;
-    unsigned char *a_bytes = file_read(a, &a_size), *b_bytes = file_read(b, &b_size);
-    assert_non_null(a_bytes);
-    assert_non_null(b_bytes);
-    assert_int_equal(a_size, b_size);
-    assert_memory_equal(a_bytes, b_bytes, a_size);
-    free(a_bytes);
-    free(b_bytes);
-}
-
 static void a_run_is_its_steps(void **state)
 {
     struct place *place = *state;
@@ -98,7 +87,7 @@ static void a_run_is_its_steps(void **state)
             place->simplify.topology = &place->topology;
             assert_int_equal(simplify(place, place->part, place->two, faces), SPBM_OK);
             assert_int_equal(place->report->stage_count, 4);
-            expect_same_bytes(place->one, place->two);
+            files_must_be_alike(place->one, place->two);
         }
     }
 }
@@ -222,7 +211,7 @@ static void threads_and_memory_change_no_byte(void **state)
     for (unsigned i = 0; i < 8; i++) {
         run_with(place, threads[i % 4], memories[i / 4], other);
         for (unsigned k = 0; k < 3; k++)
-            expect_same_bytes(first[k], other[k]);
+            files_must_be_alike(first[k], other[k]);
     }
 }
 
