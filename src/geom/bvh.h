@@ -45,10 +45,11 @@ struct bvh {
  * work on it. */
 enum status bvh_build(struct context *ctx, const double *positions, const uint32_t *faces,
                       uint32_t count, bool together, struct bvh *bvh) MUST_CHECK;
-/* The same, and the faces themselves are put in the tree's order, so that those that are looked at
- * together lie together. */
-enum status bvh_build_sorting(struct context *ctx, const double *positions, uint32_t *faces,
-                              uint32_t count, bool together, struct bvh *bvh) MUST_CHECK;
+/* The same for triangles whose numbers are the order already, along a space-filling curve: any
+ * order is right, but a search takes the longer the farther apart are those that come one behind
+ * the other. It takes no memory beyond the tree. */
+enum status bvh_build_sorted(struct context *ctx, const double *positions, const uint32_t *faces,
+                             uint32_t count, bool together, struct bvh *bvh) MUST_CHECK;
 /* The same tree over a copy of the triangles. */
 enum status bvh_copy(struct context *ctx, const struct bvh *from, const double *positions,
                      const uint32_t *faces, struct bvh *bvh) MUST_CHECK;

@@ -19,9 +19,13 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/bytes.h"
 #include "base/memory.h"
+#include "base/parallel.h"
+#include "base/radix_sort.h"
 #include "collapse_internal.h"
 #include "geom/distance.h"
+#include "geom/space_curve.h"
 
 /* Faces turn by so little that it does not matter when the new vertex is not this part of the bound
  * from their planes. */
@@ -96,6 +100,91 @@ static enum status take_arrays(struct collapse *c)
     return status;
 }
 
+/* Faces by the cells of a cube round all, with CELL_BITS an axis, that their middles lie in. */
+enum { CELL_BITS = 10, KEY = 8, KEY_STRETCH = 1 << 12 };
+
+struct sorting {
+    const struct collapse *collapse;
+    struct space_curve curve;
+    double low[3], cells; /* a length */
+    unsigned char *keys;  /* KEY bytes each: a face's place on the curve, then its number */
+};
+
+static void choose_cells(struct sorting *sorting, const struct collapse *c)
+{
+    double extent = 0;
+    for (int k = 0; k < 3; k++) {
+        float low = INFINITY, high = -INFINITY;
+        for (uint32_t v = 0; v < c->vertex_slots; v++) {
+            const float at = c->vertices[v].position[k];
+            low = at < low ? at : low;
+            high = at > high ? at : high;
+        }
+        sorting->low[k] = 3 * (double)low;
+        extent = fmax(extent, 3 * (double)high - sorting->low[k]);
+    }
+    sorting->cells = extent > 0 ? ((1 << CELL_BITS) - 1) / extent : 0;
+}
+
+/* (A middle's three times.) */
+static uint64_t find_octants(const struct sorting *sorting, uint32_t face)
+{
+    const struct collapse *c = sorting->collapse;
+    const struct collapse_corner *corner = c->corners + 3 * (size_t)face;
+    uint32_t cell[3];
+    for (int k = 0; k < 3; k++) {
+        const double sum = (double)c->vertices[corner[0].end].position[k] +
+                           (double)c->vertices[corner[1].end].position[k] +
+                           (double)c->vertices[corner[2].end].position[k];
+        cell[k] = (uint32_t)((sum - sorting->low[k]) * sorting->cells);
+    }
+    return space_curve_octants(cell[0], cell[1], cell[2]);
+}
+
+static enum status find_keys(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    enum { SIDE = SPACE_CURVE_SIDE_BY_SIDE };
+    struct sorting *sorting = user;
+    const uint64_t left = sorting->collapse->face_slots - job * KEY_STRETCH;
+    const uint32_t first = (uint32_t)(job * KEY_STRETCH);
+    const uint32_t end = first + (uint32_t)(left < KEY_STRETCH ? left : KEY_STRETCH);
+    for (uint32_t f = first; f < end; f += SIDE) {
+        uint64_t octants[SIDE] = {0}, places[SIDE];
+        for (uint32_t i = 0; i < SIDE && f + i < end; i++)
+            octants[i] = find_octants(sorting, f + i);
+        space_curve_numbers(&sorting->curve, octants, SIDE, CELL_BITS, places);
+        for (uint32_t i = 0; i < SIDE && f + i < end; i++)
+            store_u64(sorting->keys + KEY * (size_t)(f + i), places[i] << 32 | (f + i));
+    }
+    return STATUS_OK;
+}
+
+/* Copies the faces, in the order of the tree. */
+static enum status take_sorted_faces(struct collapse *c)
+{
+    struct reference *r = &c->reference;
+    struct sorting sorting = {.collapse = c};
+    const size_t count = (size_t)r->face_count;
+    unsigned char *sorted = NULL;
+    enum status status = memory_take(c->ctx, 2 * count, KEY, &sorting.keys);
+    if (status != STATUS_OK)
+        return status;
+    space_curve_init(&sorting.curve);
+    choose_cells(&sorting, c);
+    status = parallel_for(c->ctx, (count + KEY_STRETCH - 1) / KEY_STRETCH, find_keys, &sorting);
+    if (status == STATUS_OK)
+        status = radix_sort_above(c->ctx, sorting.keys, sorting.keys + KEY * count, count, KEY, 1,
+                                  32, &sorted);
+    for (size_t i = 0; i < count && status == STATUS_OK; i++) {
+        const uint32_t first = 3 * (uint32_t)load_u64(sorted + KEY * i);
+        for (uint32_t k = 0; k < 3; k++)
+            r->faces[3 * i + k] = corner_vertex(c, first + k);
+    }
+    memory_release(c->ctx, &sorting.keys, 2 * count, KEY);
+    return status;
+}
+
 enum status reference_take(struct collapse *c)
 {
     struct reference *r = &c->reference;
@@ -110,11 +199,11 @@ enum status reference_take(struct collapse *c)
             for (size_t k = 0; k < 3; k++)
                 r->positions[3 * (size_t)v + k] = (double)c->vertices[v].position[k];
         }
-        for (uint32_t i = 0; i < 3 * r->face_count; i++)
-            r->faces[i] = corner_vertex(c, i);
-        status = bvh_build_sorting(c->ctx, r->positions, r->faces, (uint32_t)r->face_count, true,
-                                   &r->tree);
+        status = take_sorted_faces(c);
     }
+    if (status == STATUS_OK)
+        status = bvh_build_sorted(c->ctx, r->positions, r->faces, (uint32_t)r->face_count, true,
+                                  &r->tree);
     if (status != STATUS_OK)
         reference_clear(c);
     return status;
