@@ -67,45 +67,50 @@ static double choose_scale(uint64_t face_count, const double low[3], const doubl
 }
 
 /* The box of the positions; returns whether all are float32. */
-static bool find_box(size_t vertices, const double *doubles, const float *floats, double low[3],
-                     double high[3])
+static bool find_box(size_t vertices, const double *doubles, double low[3], double high[3])
 {
     bool is_float32 = true;
-    double least[3] = {INFINITY, INFINITY, INFINITY}, most[3] = {-INFINITY, -INFINITY, -INFINITY};
     for (size_t v = 0; v < vertices; v++)
         for (size_t k = 0; k < 3; k++) {
-            const double x = doubles ? doubles[3 * v + k] : (double)floats[3 * v + k];
+            const double x = doubles[3 * v + k];
             if ((double)(float)x != x)
                 is_float32 = false;
+            low[k] = x < low[k] ? x : low[k];
+            high[k] = x > high[k] ? x : high[k];
+        }
+    return is_float32;
+}
+
+/* The same of floats; false where one is no number. */
+static bool find_box_of_floats(size_t vertices, const float *floats, double low[3], double high[3])
+{
+    bool are_numbers = true;
+    float least[3] = {INFINITY, INFINITY, INFINITY}, most[3] = {-INFINITY, -INFINITY, -INFINITY};
+    for (size_t v = 0; v < vertices; v++)
+        for (size_t k = 0; k < 3; k++) {
+            const float x = floats[3 * v + k];
+            are_numbers &= x == x;
             least[k] = x < least[k] ? x : least[k];
             most[k] = x > most[k] ? x : most[k];
         }
-    memcpy(low, least, sizeof least);
-    memcpy(high, most, sizeof most);
-    return is_float32;
+    for (int k = 0; k < 3; k++) {
+        low[k] = (double)least[k];
+        high[k] = (double)most[k];
+    }
+    return are_numbers;
 }
 
 /* Origin and scale. Positions are kept as float32: as they are when all are float32, else relative
  * to the middle of the bounding box. Exactly one of `doubles` and `floats` is given. */
 static void choose_frame(struct collapse *c, const double *doubles, const float *floats)
 {
-    const size_t count = (size_t)c->vertex_count * 3;
-    double low[3], high[3];
-    c->is_float32 = find_box((size_t)c->vertex_count, doubles, floats, low, high);
+    const size_t count = (size_t)c->vertex_count;
+    double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+    c->is_float32 = doubles ? find_box(count, doubles, low, high)
+                            : find_box_of_floats(count, floats, low, high);
     for (int k = 0; k < 3; k++)
         c->origin[k] = c->is_float32 ? 0 : low[k] + (high[k] - low[k]) / 2;
     c->scale = choose_scale(c->face_count, low, high);
-    const double unit = c->scale;
-    /* Where scaling would lose bits of a tiny number, rather be exact; but edges so long that
-     * powers of them overflow make a number so tiny nothing, unless input vertices are to be kept.
-     */
-    const bool may_be_long = c->options.subset || unit > LONG_EDGES;
-    for (size_t i = 0; i < count && c->is_float32 && may_be_long; i++) {
-        const double scaled = (doubles ? doubles[i] : (double)floats[i]) * c->scale;
-        if ((double)(float)scaled != scaled)
-            c->scale = 1;
-    }
-    c->unit = (float)fmin(unit / c->scale, 0x1p100);
 }
 
 enum status collapse_start(struct context *ctx, const struct collapse_options *options,
@@ -138,9 +143,24 @@ enum status collapse_take_faces(struct collapse *c, const uint32_t *faces)
 {
     enum status status =
         memory_take(c->ctx, (size_t)c->face_count, 3 * sizeof *c->corners, &c->corners);
-    for (size_t i = 0; status == STATUS_OK && i < (size_t)c->face_count * 3; i++)
-        c->corners[i].end = faces[corner_next((uint32_t)i)];
+    for (size_t i = 0; status == STATUS_OK && i < (size_t)c->face_count * 3; i += 3)
+        for (unsigned k = 0; k < 3; k++)
+            c->corners[i + k].end = faces[i + (k + 1) % 3];
     return status;
+}
+
+/* Places all vertices in the frame; returns whether nothing was rounded. */
+static bool place_vertices(struct collapse *c, const double *doubles, const float *floats)
+{
+    bool is_exact = true;
+    for (size_t v = 0; v < (size_t)c->vertex_count; v++)
+        for (size_t k = 0; k < 3; k++) {
+            const double x = doubles ? doubles[3 * v + k] : (double)floats[3 * v + k];
+            const double scaled = (x - c->origin[k]) * c->scale;
+            c->vertices[v].position[k] = (float)scaled;
+            is_exact &= (double)(float)scaled == scaled;
+        }
+    return is_exact;
 }
 
 static enum status take_vertices(struct collapse *c, const double *doubles, const float *floats,
@@ -151,13 +171,18 @@ static enum status take_vertices(struct collapse *c, const double *doubles, cons
     if (status != STATUS_OK)
         return status;
     choose_frame(c, doubles, floats);
+    const double unit = c->scale;
+    /* Where scaling would lose bits of a tiny number, rather be exact; but edges so long that
+     * powers of them overflow make a number so tiny nothing, unless input vertices are to be kept.
+     */
+    const bool may_be_long = c->options.subset || unit > LONG_EDGES;
+    if (!place_vertices(c, doubles, floats) && c->is_float32 && may_be_long) {
+        c->scale = 1;
+        (void)place_vertices(c, doubles, floats);
+    }
+    c->unit = (float)fmin(unit / c->scale, 0x1p100);
     for (uint32_t v = 0; v < count; v++) {
         struct collapse_vertex *vertex = &c->vertices[v];
-        for (size_t k = 0; k < 3; k++) {
-            const double x =
-                doubles ? doubles[3 * (size_t)v + k] : (double)floats[3 * (size_t)v + k];
-            vertex->position[k] = (float)((x - c->origin[k]) * c->scale);
-        }
         vertex->source = v & VERTICES_MAX;
         vertex->offset = 0;
         float offset[3] = {0, 0, 0};

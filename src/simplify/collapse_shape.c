@@ -235,14 +235,11 @@ void fans_build(struct collapse *c)
         const float ax = q[0] - p[0], ay = q[1] - p[1], az = q[2] - p[2];
         const float bx = r[0] - p[0], by = r[1] - p[1], bz = r[2] - p[2];
         const float x = ay * bz - az * by, y = az * bx - ax * bz, z = ax * by - ay * bx;
-        const float part[6] = {x * x, x * y, x * z, y * y, y * z, z * z};
-        const float normal[3] = {x, y, z};
+        const float8 part = {x * x, x * y, x * z, y * y, y * z, z * z, x, y};
         for (int i = 0; i < 3; i++) {
-            struct fan *fan = &c->vertices[corner[i].end].fan;
-            for (int k = 0; k < 6; k++)
-                fan->square[k] += part[k];
-            for (int k = 0; k < 3; k++)
-                fan->normal[k] += normal[k];
+            float *fan = (float *)&c->vertices[corner[i].end].fan; /* nine of them */
+            lanes_store(fan, lanes_load(fan) + part);
+            fan[8] += z;
         }
     }
 }

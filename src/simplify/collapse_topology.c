@@ -19,11 +19,106 @@ static void list_corners(struct collapse *c)
 {
     for (uint64_t v = 0; v < c->vertex_count; v++)
         c->vertices[v].corner = NO_INDEX;
-    for (uint32_t i = (uint32_t)(3 * c->face_count); i-- > 0;) {
-        struct collapse_vertex *vertex = &c->vertices[corner_vertex(c, i)];
-        c->corners[i].swing = vertex->corner;
-        vertex->corner = i;
+    for (size_t f = (size_t)c->face_count; f-- > 0;) {
+        struct collapse_corner *corner = c->corners + 3 * f;
+        for (unsigned k = 3; k-- > 0;) {
+            struct collapse_vertex *vertex = &c->vertices[corner[(k + 2) % 3].end];
+            corner[k].swing = vertex->corner;
+            vertex->corner = (uint32_t)(3 * f) + k;
+        }
     }
+}
+
+/* Vertices of more corners than FEW are hubs. */
+enum { FEW = 32, RECENT = 256, NOWHERE = FEW };
+
+/* The corner at `vertex` whose edge leads to `end`: its place in the list of the vertex. All zero
+ * is none, as no edge leads from a vertex to itself. */
+struct met {
+    uint32_t vertex, end, place;
+};
+
+/* The corners of one vertex, and the other vertices of each one's face. */
+struct corner_list {
+    uint32_t count;
+    uint32_t corners[FEW], ends[FEW], thirds[FEW];
+};
+
+/* The place of the corner that follows the one at place j; NOWHERE: the border does. */
+static inline uint32_t next_place(const struct corner_list *list, uint32_t v, uint32_t j,
+                                  const struct met recent[RECENT])
+{
+    const uint32_t end = list->thirds[j];
+    const struct met *met = &recent[end % RECENT];
+    if (met->end == end && met->vertex == v)
+        return met->place;
+    uint32_t place = 0;
+    while (place < list->count && list->ends[place] != end)
+        place++;
+    return place < list->count ? place : NOWHERE;
+}
+
+/* Sets the swings of a closed fan; false when it is none. */
+static bool match_closed(struct collapse *c, const struct corner_list *list, uint32_t v,
+                         const struct met recent[RECENT])
+{
+    uint32_t at = 0, met = 0;
+    do {
+        const uint32_t next = next_place(list, v, at, recent);
+        if (next == NOWHERE)
+            return false;
+        c->corners[list->corners[at]].swing = list->corners[next];
+        at = next;
+        met++;
+    } while (at != 0 && met < list->count);
+    return at == 0 && met == list->count && met >= 3; /* of two faces one is the other's back */
+}
+
+/* Sets the swings of an open fan and finds where it begins: all corners but one are another's
+ * swing, and that one is left over by exclusive or. False when it is none. (Where edges of two
+ * corners lead to the same vertex, one of the two may be nobody's swing, and open the fan; at their
+ * other end two corners have the same swing then, and from nowhere there all are met.) */
+static bool match_open(struct collapse *c, const struct corner_list *list, uint32_t v,
+                       const struct met recent[RECENT])
+{
+    uint32_t nexts[FEW], odd = 0, unmatched = 0, met = 0;
+    for (uint32_t j = 0; j < list->count; j++) {
+        const uint32_t next = nexts[j] = next_place(list, v, j, recent);
+        c->corners[list->corners[j]].swing = next == NOWHERE ? NO_INDEX : list->corners[next];
+        odd ^= next == NOWHERE ? j : j ^ next;
+        unmatched += next == NOWHERE;
+    }
+    if (unmatched != 1 || odd >= list->count) /* where two swings are the same, it is anything */
+        return false;
+    c->vertices[v].flags |= VERTEX_BORDER;
+    c->vertices[v].corner = list->corners[odd];
+    for (uint32_t at = odd; at != NOWHERE && met <= list->count; at = nexts[at])
+        met++;
+    return met == list->count;
+}
+
+/* Turns the list of v's corners into swings and finds where to begin, unless v is a hub; false when
+ * its faces are no single fan. recent[u % RECENT] is mostly the corner whose edge leads to u, and
+ * tells itself when it is not. */
+static bool match_vertex(struct collapse *c, uint32_t v, struct met recent[RECENT], bool *is_hub)
+{
+    struct corner_list list;
+    uint32_t count = 0;
+    for (uint32_t i = c->vertices[v].corner; i != NO_INDEX; i = c->corners[i].swing) {
+        if (count == FEW) {
+            *is_hub = true;
+            return true;
+        }
+        const uint32_t end = c->corners[i].end;
+        if (end == v)
+            return false;
+        recent[end % RECENT] = (struct met){v, end, count};
+        list.corners[count] = i;
+        list.ends[count] = end;
+        list.thirds[count++] = c->corners[corner_next(i)].end;
+    }
+    list.count = count;
+    return match_closed(c, &list, v, recent) || match_open(c, &list, v, recent);
 }
 
 /* Makes the border and the corner to begin with known of a vertex whose swings are, of `count`
@@ -53,53 +148,6 @@ static bool finish_vertex(struct collapse *c, uint32_t v, uint32_t first, uint32
             break;
     }
     return met == count;
-}
-
-/* Vertices of more corners than FEW are hubs. */
-enum { FEW = 32, RECENT = 256 };
-
-/* Whether the corner is one of v's whose edge leads to `end`. */
-static bool leads_to(const struct collapse *c, uint32_t corner, uint32_t v, uint32_t end)
-{
-    return c->corners[corner].end == end && corner_vertex(c, corner) == v;
-}
-
-/*
- * Turns the list of v's corners into swings and finds where to begin, unless v is a hub; false when
- * its faces are no single fan. recent[u % RECENT] is mostly the corner whose edge leads to u, and
- * tells itself when it is not. (Where edges of two corners lead to the same vertex, one of the two
- * may be nobody's swing, and open the fan; at their other end two corners have the same swing then,
- * and from nowhere there all are met.)
- */
-static bool match_vertex(struct collapse *c, uint32_t v, uint32_t recent[RECENT], bool *is_hub)
-{
-    const uint32_t first = c->vertices[v].corner;
-    uint32_t corners[FEW], count = 0, unmatched = 0, odd = 0;
-    for (uint32_t i = first; i != NO_INDEX; i = c->corners[i].swing) {
-        if (count == FEW) {
-            *is_hub = true;
-            return true;
-        }
-        const uint32_t end = c->corners[i].end;
-        if (end == v)
-            return false;
-        recent[end % RECENT] = i;
-        corners[count++] = i;
-        odd ^= i;
-    }
-    for (uint32_t j = 0; j < count; j++) {
-        const uint32_t end = c->corners[corner_next(corners[j])].end;
-        uint32_t other = recent[end % RECENT], k = 0;
-        if (!leads_to(c, other, v, end)) {
-            while (k < count && c->corners[corners[k]].end != end)
-                k++;
-            other = k < count ? corners[k] : NO_INDEX;
-        }
-        c->corners[corners[j]].swing = other;
-        odd ^= other != NO_INDEX ? other : 0;
-        unmatched += other == NO_INDEX;
-    }
-    return finish_vertex(c, v, first, count, unmatched, odd);
 }
 
 /* The same for a hub. seen[u] is the corner met last whose edge leads to u; one of another vertex
@@ -154,7 +202,7 @@ static enum status match_stretch(void *user, uint64_t job, unsigned worker)
     struct matching *matching = user;
     struct collapse *c = matching->collapse;
     const uint64_t first = job * MATCH_STRETCH, left = c->vertex_count - first;
-    uint32_t recent[RECENT] = {0};
+    struct met recent[RECENT] = {{0}};
     bool has_hub = false;
     for (uint32_t v = (uint32_t)first; v < first + (left < MATCH_STRETCH ? left : MATCH_STRETCH);
          v++)

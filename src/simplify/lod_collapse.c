@@ -245,8 +245,9 @@ static enum status make_leaf(void *user, uint64_t job, unsigned worker)
     enum status status = STATUS_OK;
     for (uint32_t i = 0; i < leaf.count && status == STATUS_OK; i++)
         status = build_block(lod, leaf.first + i, worker);
-    if (status == STATUS_OK && leaf.count > 1)
-        status = join_nodes(lod, leaf.first, leaf.count, 1);
+    if (status == STATUS_OK)
+        status = leaf.count > 1 ? join_nodes(lod, leaf.first, leaf.count, 1)
+                                : small_mesh_split(lod->ctx, lod->stride, &lod->nodes[leaf.first]);
     return status == STATUS_OK ? thin_node(lod, leaf.first) : status;
 }
 

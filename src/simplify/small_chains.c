@@ -74,6 +74,6 @@ void small_chain_give_back(struct small_builder *b, uint32_t chain)
 {
     for (uint32_t i = 0; i < small_chain_length(b, chain); i++)
         b->keep[small_chain_vertex(b, chain, i)] = 1;
-    b->full[chain] = 1;
+    b->states[chain] = CHAIN_GIVEN_BACK;
     b->dropped[chain] = 0;
 }

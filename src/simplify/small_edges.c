@@ -40,17 +40,11 @@ void small_edges_forget(struct small_builder *b)
     memset(b->seen, 0, b->seen_words * sizeof *b->seen);
 }
 
-enum status small_edge_add(struct small_builder *b, uint32_t u, uint32_t v, uint32_t owner,
-                           uint32_t chain)
+void small_edges_drop(struct small_builder *b)
 {
-    if (b->entry_count == b->entry_capacity) {
-        enum status status = small_edges_reserve(b, (size_t)b->entry_count + 1);
-        if (status != STATUS_OK)
-            return status;
+    for (uint32_t i = 0; i < b->entry_count; i++) {
+        struct edge_entry *entry = &b->entries[i];
+        if (entry->chain != NO_INDEX && b->states[entry->chain] == CHAIN_GIVEN_BACK)
+            entry->high = NO_INDEX; /* which no vertex is */
     }
-    const uint32_t low = u < v ? u : v, high = u < v ? v : u;
-    b->entries[b->entry_count] = (struct edge_entry){high, b->heads[low], owner, chain};
-    b->heads[low] = b->entry_count++;
-    bit_set(b->seen, small_edge_bit(b, low, high));
-    return STATUS_OK;
 }

@@ -16,6 +16,23 @@ struct edge_entry {
     uint32_t chain; /* that it is a segment of; NO_INDEX: a diagonal */
 };
 
+/* What has become of a chain since it was cut. */
+enum chain_state {
+    CHAIN_CUT,
+    CHAIN_GIVEN_BACK, /* it has all its vertices; the segments entered are those that it had */
+    CHAIN_WHOLE,      /* its segments are to be entered, and */
+    CHAIN_ENTERED     /* are */
+};
+
+/* A use of a chain, as the patch walks along it. */
+struct use_line {
+    uint32_t start, end;
+    uint32_t count;       /* of the vertices between them */
+    uint32_t first;       /* of these, if they are a range of numbers */
+    const uint32_t *list; /* of them, from the chain's start; NULL: a range */
+    bool is_backwards;
+};
+
 struct small_builder {
     struct context *ctx;
     struct small_workspace *space;
@@ -30,7 +47,7 @@ struct small_builder {
     uint32_t *face_first;   /* likewise, of the faces that it was cut into */
     uint32_t *uses;         /* chain << 1 | walked from its end */
     unsigned char *keep;    /* a vertex: it is in the mesh */
-    unsigned char *full;    /* a chain: 1 when all its vertices were given back */
+    unsigned char *states;  /* a chain: enum chain_state */
     float *dropped;         /* a chain: the largest error of what is not kept of it */
     uint32_t *heads;        /* a vertex: its first entry */
     size_t heads_count;
@@ -42,12 +59,13 @@ struct small_builder {
     float *line;         /* one chain's positions */
     float *line_errors;
     uint32_t line_capacity;
-    uint32_t *loop; /* one patch's kept vertices */
+    struct use_line *lines; /* one patch's uses */
+    uint32_t *loop;         /* one patch's kept vertices */
     uint32_t loop_count;
     double *points;
     uint32_t *triangles;
-    uint32_t loop_capacity;
-    uint32_t patch;   /* the one that is being cut */
+    uint32_t line_room, loop_room; /* of lines, and of the other three */
+    uint32_t patch;                /* the one that is being cut */
     uint32_t *copies; /* block vertices of which there is another one, numbered from vertex_count */
     uint32_t copy_count, copy_capacity;
     uint32_t *faces;      /* block vertices */
@@ -132,13 +150,30 @@ static inline struct edge_entry *small_edge_find(const struct small_builder *b, 
     return NULL;
 }
 
-enum status small_edge_add(struct small_builder *builder, uint32_t u, uint32_t v, uint32_t owner,
-                           uint32_t chain) MUST_CHECK;
 /* Room for so many edges in all. */
 enum status small_edges_reserve(struct small_builder *builder, size_t edges) MUST_CHECK;
+
+/* Enters an edge that is not there yet. */
+static inline enum status small_edge_add(struct small_builder *b, uint32_t u, uint32_t v,
+                                         uint32_t owner, uint32_t chain)
+{
+    if (b->entry_count == b->entry_capacity) {
+        enum status status = small_edges_reserve(b, (size_t)b->entry_count + 1);
+        if (status != STATUS_OK)
+            return status;
+    }
+    const uint32_t low = u < v ? u : v, high = u < v ? v : u;
+    b->entries[b->entry_count] = (struct edge_entry){high, b->heads[low], owner, chain};
+    b->heads[low] = b->entry_count++;
+    bit_set(b->seen, small_edge_bit(b, low, high));
+    return STATUS_OK;
+}
+
 /* Before the first is added, of about so many. */
 enum status small_edges_take_seen(struct small_builder *builder, size_t edges) MUST_CHECK;
 void small_edges_forget(struct small_builder *builder);
+/* Takes the segments out of the chains that were given back. */
+void small_edges_drop(struct small_builder *builder);
 
 /* ---- small_chains.c ---- */
 

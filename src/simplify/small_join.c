@@ -171,11 +171,35 @@ static void release_corners(struct context *ctx, const struct small_mesh *mesh,
     memory_release(ctx, &t->tags, (size_t)mesh->triangles.vertex_count, sizeof *t->tags);
 }
 
+/* The corners at tagged vertices, ascending, in a vector. */
+static enum status find_corners(struct context *ctx, const struct collapse_mesh *m,
+                                const uint32_t *tags, uint32_t **found, size_t *capacity,
+                                size_t *count)
+{
+    enum { STRETCH = 3 << 12 };
+    const size_t corners = 3 * (size_t)m->face_count;
+    size_t end = 0;
+    for (size_t first = 0; first < corners; first += STRETCH) {
+        const size_t left = corners - first, length = left < STRETCH ? left : STRETCH;
+        enum status status = memory_reserve(ctx, found, capacity, end + length, sizeof **found);
+        if (status != STATUS_OK)
+            return status;
+        uint32_t *to = *found;
+        for (size_t i = first; i < first + length; i++) {
+            to[end] = (uint32_t)i;
+            end += tags[m->faces[i]] != NO_INDEX;
+        }
+    }
+    *count = end;
+    return STATUS_OK;
+}
+
 static enum status list_corners(struct context *ctx, const struct small_mesh *mesh,
                                 struct tagged_corners *t)
 {
     const struct collapse_mesh *m = &mesh->triangles;
-    const uint32_t corners = (uint32_t)(3 * m->face_count);
+    uint32_t *found = NULL;
+    size_t capacity = 0, count = 0;
     enum status status = memory_take(ctx, (size_t)m->vertex_count, sizeof *t->tags, &t->tags);
     if (status == STATUS_OK)
         status =
@@ -185,21 +209,23 @@ static enum status list_corners(struct context *ctx, const struct small_mesh *me
     memset(t->tags, 0xff, (size_t)m->vertex_count * sizeof *t->tags);
     for (uint32_t i = 0; i < mesh->seam_count; i++)
         t->tags[mesh->seams[i].vertex] = i;
-    for (uint32_t i = 0; i < corners; i++)
-        if (t->tags[m->faces[i]] != NO_INDEX) {
-            t->firsts[t->tags[m->faces[i]]]++;
-            t->count++;
-        }
-    for (uint32_t i = 0, sum = 0; i <= mesh->seam_count; i++) {
-        sum += t->firsts[i];
-        t->firsts[i] = sum; /* the end of each, brought down to its start below */
-    }
-    status = memory_take(ctx, t->count, sizeof *t->corners, &t->corners);
+    status = find_corners(ctx, m, t->tags, &found, &capacity, &count);
+    t->count = count;
     if (status == STATUS_OK)
-        status = memory_take(ctx, t->count, sizeof *t->fans, &t->fans);
-    for (uint32_t i = corners; status == STATUS_OK && i-- > 0;)
-        if (t->tags[m->faces[i]] != NO_INDEX)
-            t->corners[--t->firsts[t->tags[m->faces[i]]]] = i;
+        status = memory_take(ctx, count, sizeof *t->corners, &t->corners);
+    if (status == STATUS_OK)
+        status = memory_take(ctx, count, sizeof *t->fans, &t->fans);
+    if (status == STATUS_OK) {
+        for (size_t i = 0; i < count; i++)
+            t->firsts[t->tags[m->faces[found[i]]]]++;
+        for (uint32_t i = 0, sum = 0; i <= mesh->seam_count; i++) {
+            sum += t->firsts[i];
+            t->firsts[i] = sum; /* the end of each, brought down to its start below */
+        }
+        for (size_t i = count; i-- > 0;)
+            t->corners[--t->firsts[t->tags[m->faces[found[i]]]]] = found[i];
+    }
+    memory_release(ctx, &found, capacity, sizeof *found);
     return status;
 }
 
@@ -276,6 +302,8 @@ enum status small_mesh_split(struct context *ctx, uint32_t stride, struct small_
     uint32_t *seen = NULL, extra = 0, count = 0, next = (uint32_t)m->vertex_count;
     const size_t vertices = next, old_count = mesh->seam_count;
     size_t new_count = 0;
+    if (old_count == 0)
+        return STATUS_OK;
     enum status status = list_corners(ctx, mesh, &t);
     if (status == STATUS_OK)
         status = memory_take(ctx, vertices, sizeof *seen, &seen);
@@ -312,7 +340,6 @@ enum status small_mesh_split(struct context *ctx, uint32_t stride, struct small_
 done:
     memory_release(ctx, &tags, new_count, sizeof *tags);
     memory_release(ctx, &seen, vertices, sizeof *seen);
-    t.count = t.corners || t.fans ? t.count : 0;
     {
         struct small_mesh as_was = *mesh;
         as_was.seam_count = (uint32_t)old_count;

@@ -47,7 +47,8 @@ static enum status reserve_diagonals(struct small_builder *b)
 }
 
 /* A segment of `chain` that is there already as `entry`: the chains involved get their vertices
- * back and *clash is set. Seam chains stay as they are, as the other block has them so. */
+ * back and *clash is set. Seam chains stay as they are, as the other block has them so. (What a
+ * chain that was given back has entered may meet others still; these get theirs for nothing.) */
 static enum status resolve_clash(struct small_builder *b, uint32_t chain, struct edge_entry *entry,
                                  bool *clash)
 {
@@ -55,9 +56,9 @@ static enum status resolve_clash(struct small_builder *b, uint32_t chain, struct
         entry->owner = OWNER_TAKEN; /* a patch's own diagonal: that patch must do without */
         return STATUS_OK;
     }
-    const bool fixed = small_is_seam(b, chain) || b->full[chain];
-    const bool other_fixed =
-        entry->chain == NO_INDEX || small_is_seam(b, entry->chain) || b->full[entry->chain];
+    const bool fixed = small_is_seam(b, chain) || b->states[chain] >= CHAIN_WHOLE;
+    const bool other_fixed = entry->chain == NO_INDEX || small_is_seam(b, entry->chain) ||
+                             b->states[entry->chain] >= CHAIN_WHOLE;
     if (fixed && other_fixed)
         return fail(b->ctx, STATUS_BAD_INPUT, "slab %u: two chains have an edge in common",
                     b->block->slab);
@@ -93,6 +94,23 @@ static enum status enter_chain(struct small_builder *b, uint32_t chain, bool *cl
     return enter_segment(b, chain, from, line.end, clash);
 }
 
+/* Enters the chains anew that were given back; *clash: others are now. */
+static enum status enter_again(struct small_builder *b, bool *clash)
+{
+    enum status status = STATUS_OK;
+    *clash = false;
+    small_edges_drop(b);
+    for (uint32_t chain = 0; chain < b->chain_total; chain++)
+        if (b->states[chain] == CHAIN_GIVEN_BACK)
+            b->states[chain] = CHAIN_WHOLE;
+    for (uint32_t chain = 0; chain < b->chain_total && status == STATUS_OK; chain++)
+        if (b->states[chain] == CHAIN_WHOLE) {
+            b->states[chain] = CHAIN_ENTERED;
+            status = enter_chain(b, chain, clash);
+        }
+    return status;
+}
+
 /* A loop of n corners is cut into n - 2 faces by n - 3 diagonals; nearly all segments are on two.
  */
 static enum status reserve_faces(struct small_builder *b)
@@ -118,14 +136,14 @@ static enum status cut_chains(struct small_builder *b)
         status = small_edges_take_seen(b, b->block->diagonal_count + 2 * (size_t)b->segment_count);
     if (status != STATUS_OK)
         return status;
-    for (bool clash = true; clash;) {
-        clash = false;
-        status = reserve_diagonals(b);
-        for (uint32_t chain = 0; chain < b->chain_total && status == STATUS_OK; chain++)
-            status = enter_chain(b, chain, &clash);
-        if (status != STATUS_OK)
-            return status;
-    }
+    bool clash = false;
+    status = reserve_diagonals(b);
+    for (uint32_t chain = 0; chain < b->chain_total && status == STATUS_OK; chain++)
+        status = enter_chain(b, chain, &clash);
+    while (clash && status == STATUS_OK)
+        status = enter_again(b, &clash);
+    if (status != STATUS_OK)
+        return status;
     return reserve_faces(b);
 }
 
@@ -146,49 +164,102 @@ static uint64_t patch_beyond(const struct small_builder *b, uint32_t use)
     return patch == NO_PATCH ? BORDER : slab << 32 | patch;
 }
 
+/* Whether the same patch lies beyond all chains of a patch. */
+static bool is_alone(const struct small_builder *b, uint32_t patch)
+{
+    const uint32_t first = b->use_first[patch], end = b->use_first[patch + 1];
+    const uint64_t beyond = patch_beyond(b, b->uses[first]);
+    for (uint32_t i = first + 1; i < end && beyond != BORDER; i++)
+        if (patch_beyond(b, b->uses[i]) != beyond)
+            return false;
+    return beyond != BORDER;
+}
+
+static void release_loop(struct small_builder *b)
+{
+    memory_release(b->ctx, &b->triangles, b->loop_room, 3 * sizeof *b->triangles);
+    memory_release(b->ctx, &b->points, b->loop_room, 3 * sizeof *b->points);
+    memory_release(b->ctx, &b->loop, b->loop_room, sizeof *b->loop);
+}
+
+/* Room for a loop of so many vertices; what was on it is lost when there is not. */
+static enum status reserve_loop(struct small_builder *b, uint32_t vertices)
+{
+    if (vertices <= b->loop_room)
+        return STATUS_OK;
+    release_loop(b);
+    b->loop_room = 2 * vertices;
+    enum status status = memory_take(b->ctx, b->loop_room, sizeof *b->loop, &b->loop);
+    if (status == STATUS_OK)
+        status = memory_take(b->ctx, b->loop_room, 3 * sizeof *b->points, &b->points);
+    if (status == STATUS_OK)
+        status = memory_take(b->ctx, b->loop_room, 3 * sizeof *b->triangles, &b->triangles);
+    return status;
+}
+
+static enum status reserve_lines(struct small_builder *b, uint32_t uses)
+{
+    if (uses <= b->line_room)
+        return STATUS_OK;
+    memory_release(b->ctx, &b->lines, b->line_room, sizeof *b->lines);
+    b->line_room = 2 * uses;
+    return memory_take(b->ctx, b->line_room, sizeof *b->lines, &b->lines);
+}
+
+static inline struct use_line use_line_of(const struct small_builder *b, uint32_t use)
+{
+    const struct chain_line line = small_chain_line(b, use >> 1);
+    const bool is_backwards = use & 1;
+    return (struct use_line){is_backwards ? line.end : line.start,
+                             is_backwards ? line.start : line.end,
+                             line.interior_count,
+                             line.interior_first,
+                             line.list,
+                             is_backwards};
+}
+
 /* Puts a vertex on the loop, which is soon asked where it lies. */
 static inline void put_on_loop(struct small_builder *b, uint32_t v, uint32_t *count)
 {
     __builtin_prefetch(b->block->positions + 3 * (size_t)v);
-    if (*count < b->loop_capacity)
+    if (*count < b->loop_room)
         b->loop[(*count)++] = v;
 }
 
-/* What a use puts on the loop of its patch: all but its end. Returns that. */
-static inline uint32_t walk_use(struct small_builder *b, uint32_t use, uint32_t *count)
+/* What a use puts on the loop of its patch: all but its end. */
+static inline void walk_line(struct small_builder *b, const struct use_line *line, uint32_t *count)
 {
-    const struct chain_line line = small_chain_line(b, use >> 1);
-    const bool backwards = use & 1;
-    put_on_loop(b, backwards ? line.end : line.start, count);
-    for (uint32_t i = 0; i < line.interior_count; i++) {
-        const uint32_t v = small_line_interior(&line, backwards ? line.interior_count - 1 - i : i);
+    put_on_loop(b, line->start, count);
+    for (uint32_t i = 0; i < line->count; i++) {
+        const uint32_t at = line->is_backwards ? line->count - 1 - i : i;
+        const uint32_t v = line->list ? line->list[at] : line->first + at;
         if (b->keep[v])
             put_on_loop(b, v, count);
     }
-    return backwards ? line.start : line.end;
 }
 
 /* The patch's kept vertices in order (its uses are searched for each next one: a patch has at most
- * PATCH_FACES_MAX faces and commonly six chains); *alone: the same patch
- * lies beyond all its chains. */
-static enum status gather_loop(struct small_builder *b, uint32_t patch, uint32_t *count,
-                               bool *alone)
+ * PATCH_FACES_MAX faces and commonly six chains). */
+static enum status gather_loop(struct small_builder *b, uint32_t patch, uint32_t *count)
 {
     const uint32_t *uses = b->uses + b->use_first[patch];
     const uint32_t use_count = b->use_first[patch + 1] - b->use_first[patch];
-    uint32_t *starts = b->triangles; /* not cut yet; a use has an edge of the loop at least */
-    uint32_t n = 0, at = 0;
-    const uint64_t beyond = patch_beyond(b, uses[0]);
-    *alone = beyond != BORDER;
+    uint32_t n = 0, at = 0, most = use_count;
+    enum status status = reserve_lines(b, use_count);
+    if (status != STATUS_OK)
+        return status;
     for (uint32_t i = 0; i < use_count; i++) {
-        const struct chain_line line = small_chain_line(b, uses[i] >> 1);
-        starts[i] = uses[i] & 1 ? line.end : line.start;
-        *alone &= patch_beyond(b, uses[i]) == beyond;
+        b->lines[i] = use_line_of(b, uses[i]);
+        most += b->lines[i].count;
     }
+    status = reserve_loop(b, most);
+    if (status != STATUS_OK)
+        return status;
     for (uint32_t done = 0; done < use_count; done++) {
-        const uint32_t last = walk_use(b, uses[at], &n);
+        const uint32_t last = b->lines[at].end;
+        walk_line(b, &b->lines[at], &n);
         at = 0;
-        while (at < use_count && starts[at] != last)
+        while (at < use_count && b->lines[at].start != last)
             at++;
         if (at == use_count)
             return fail(b->ctx, STATUS_BAD_INPUT, "slab %u: patch %u: its chains do not close",
@@ -316,10 +387,9 @@ static void ask_for_chains(const struct small_builder *b, uint32_t patch)
 static enum status cut_patch(struct small_builder *b, uint32_t patch)
 {
     uint32_t n = 0;
-    bool alone;
     enum triangulation_quality quality = TRIANGULATION_PLANAR;
     ask_for_chains(b, patch + 1);
-    enum status status = gather_loop(b, patch, &n, &alone);
+    enum status status = gather_loop(b, patch, &n);
     if (status != STATUS_OK)
         return status;
     const struct patch *record = &b->block->patches[patch];
@@ -328,7 +398,7 @@ static enum status cut_patch(struct small_builder *b, uint32_t patch)
     b->patch = patch;
     if (n == 3) {
         /* it must not be the same triangle as the patch beyond */
-        const uint32_t centre = alone ? find_spare(b, patch) : NO_INDEX;
+        const uint32_t centre = is_alone(b, patch) ? find_spare(b, patch) : NO_INDEX;
         return centre != NO_INDEX ? cut_fan(b, n, centre)
                                   : add_face(b, b->loop[0], b->loop[1], b->loop[2]);
     }
@@ -415,8 +485,11 @@ static enum status finish(struct small_builder *b, uint32_t stride, struct small
 }
 
 /* Widens the tags by the slabs beyond each seam chain. */
-static void tag_seams(const struct small_builder *b, struct small_mesh *mesh)
+static enum status tag_seams(struct small_builder *b, struct small_mesh *mesh)
 {
+    enum status status = reserve_loop(b, b->block->seam_vertex_count);
+    if (status != STATUS_OK)
+        return status;
     uint32_t *tags = b->loop; /* by seam vertex */
     const uint32_t first = b->block->junction_count;
     for (uint32_t i = 0; i < b->block->seam_vertex_count; i++)
@@ -437,6 +510,7 @@ static void tag_seams(const struct small_builder *b, struct small_mesh *mesh)
             t->highest = seam->other_slab > t->highest ? seam->other_slab : t->highest;
         }
     }
+    return STATUS_OK;
 }
 
 /* ---- memory ---- */
@@ -444,7 +518,6 @@ static void tag_seams(const struct small_builder *b, struct small_mesh *mesh)
 static void measure_block(struct small_builder *b)
 {
     uint32_t longest = 2;
-    b->use_count = 0;
     for (uint32_t chain = 0; chain < b->chain_total; chain++) {
         const uint32_t length = small_chain_length(b, chain);
         longest = length > longest ? length : longest;
@@ -452,17 +525,6 @@ static void measure_block(struct small_builder *b)
             !small_is_seam(b, chain) && b->block->chains[chain].right != NO_PATCH ? 2 : 1;
     }
     b->line_capacity = longest;
-    b->loop_capacity = b->block->seam_vertex_count;
-}
-
-static void measure_loops(struct small_builder *b)
-{
-    for (uint32_t p = 0; p < b->block->patch_count; p++) {
-        uint32_t length = 0;
-        for (uint32_t i = b->use_first[p]; i < b->use_first[p + 1]; i++)
-            length += small_chain_length(b, b->uses[i] >> 1) - 1;
-        b->loop_capacity = length > b->loop_capacity ? length : b->loop_capacity;
-    }
 }
 
 static enum status take_arrays(struct small_builder *b)
@@ -480,10 +542,9 @@ static enum status take_arrays(struct small_builder *b)
         return status;
     (void)chain_uses_count(b->block, b->use_first);
     chain_uses_sort(b->block, b->use_first, b->uses);
-    measure_loops(b);
     status = memory_take_zeroed(ctx, vertices, 1, &b->keep);
     if (status == STATUS_OK)
-        status = memory_take_zeroed(ctx, b->chain_total, 1, &b->full);
+        status = memory_take_zeroed(ctx, b->chain_total, 1, &b->states);
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, b->chain_total, sizeof *b->dropped, &b->dropped);
     if (status == STATUS_OK)
@@ -503,12 +564,6 @@ static enum status take_arrays(struct small_builder *b)
         status = memory_take(ctx, b->line_capacity, 3 * sizeof *b->line, &b->line);
     if (status == STATUS_OK)
         status = memory_take(ctx, b->line_capacity, sizeof *b->line_errors, &b->line_errors);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, b->loop_capacity, sizeof *b->loop, &b->loop);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, b->loop_capacity, 3 * sizeof *b->points, &b->points);
-    if (status == STATUS_OK)
-        status = memory_take(ctx, b->loop_capacity, 3 * sizeof *b->triangles, &b->triangles);
     return status;
 }
 
@@ -519,9 +574,8 @@ static void release_arrays(struct small_builder *b)
     memory_release(ctx, &b->faces, b->face_capacity, 3 * sizeof *b->faces);
     memory_release(ctx, &b->seen, b->seen_words, sizeof *b->seen);
     memory_release(ctx, &b->entries, b->entry_capacity, sizeof *b->entries);
-    memory_release(ctx, &b->triangles, b->loop_capacity, 3 * sizeof *b->triangles);
-    memory_release(ctx, &b->points, b->loop_capacity, 3 * sizeof *b->points);
-    memory_release(ctx, &b->loop, b->loop_capacity, sizeof *b->loop);
+    release_loop(b);
+    memory_release(ctx, &b->lines, b->line_room, sizeof *b->lines);
     memory_release(ctx, &b->line_errors, b->line_capacity, sizeof *b->line_errors);
     memory_release(ctx, &b->line, b->line_capacity, 3 * sizeof *b->line);
     memory_release(ctx, &b->bulges, vertices, sizeof *b->bulges);
@@ -530,7 +584,7 @@ static void release_arrays(struct small_builder *b)
     memory_release(ctx, &b->heads, b->heads_count, sizeof *b->heads);
     memory_release(ctx, &b->copies, b->copy_capacity, sizeof *b->copies);
     memory_release(ctx, &b->dropped, b->chain_total, sizeof *b->dropped);
-    memory_release(ctx, &b->full, b->chain_total, 1);
+    memory_release(ctx, &b->states, b->chain_total, 1);
     memory_release(ctx, &b->keep, vertices, 1);
     memory_release(ctx, &b->uses, b->use_count, sizeof *b->uses);
     memory_release(ctx, &b->face_first, (size_t)b->block->patch_count + 1, sizeof *b->face_first);
@@ -567,10 +621,8 @@ enum status small_mesh_build(struct context *ctx, struct small_workspace *space,
         small_measure_chains(&b);
         status = finish(&b, stride, mesh);
     }
-    if (status == STATUS_OK) {
-        tag_seams(&b, mesh);
-        status = small_mesh_split(ctx, stride, mesh);
-    }
+    if (status == STATUS_OK)
+        status = tag_seams(&b, mesh);
     if (status != STATUS_OK)
         small_mesh_clear(ctx, stride, mesh);
     mesh->lost = b.lost;
