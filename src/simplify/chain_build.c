@@ -174,20 +174,20 @@ static void fill_info(struct chain_info *info, const struct store_info *store,
  * Memory, in bytes of a slab of F faces that a worker has in hand, the worst being that every face
  * is a patch of its own:
  *
- *     faces, normals and their spare      24 F + 2 * 16 F   (all serve twice over)
+ *     faces, normals and their spare      32 F + 2 * 16 F   (all serve twice over)
  *     positions                                      6 F
  *     chains and patches, some to spare       1.0625 * (1.5 * 24) F + 44 F
  *     packed, waiting to be written             2 * 12 F
  *
- * which is 11 MiB for slabs of 2^16 faces, and 44 for a mesh that is one of 2^18; with attributes
+ * which is 12 MiB for slabs of 2^16 faces, and 46 for a mesh that is one of 2^18; with attributes
  * the slab is mapped (31 F), and their records lie in slab, block and packed block. What is shared
  * is the seams' least, the sample that angles are fitted to, the writer and what there is of each
  * slab: 64 bytes.
  */
-enum { WORKER_A_FACE = 176, MAPPED_A_FACE = 32, SHARED_MEMORY = 6 << 20 };
-/* On scans a worker takes 70 to 90 bytes a face, of which a slab that is forgotten gives 31 back.
+enum { WORKER_A_FACE = 184, MAPPED_A_FACE = 32, SHARED_MEMORY = 6 << 20 };
+/* On scans a worker takes 78 to 98 bytes a face, of which a slab that is forgotten gives 31 back.
  */
-enum { BESIDE_A_FACE = 46 };
+enum { BESIDE_A_FACE = 54 };
 
 /* The number of faces may be a guess by a text's first lines: near the bound, the more. */
 static uint64_t slab_faces_of(uint64_t faces)

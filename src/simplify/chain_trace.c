@@ -358,12 +358,11 @@ static enum status add_diagonals(struct trace *trace, const struct grown_patch *
     size_t count = trace->diagonal_count;
     for (uint32_t i = 0; i < patch->face_count; i++) {
         const uint32_t face = faces[i];
-        const uint32_t *links = local->faces + FACE_STRIDE * (size_t)face + FACE_LINKS;
         for (unsigned k = 0; k < 3; k++) {
             diagonals[2 * count] = edge_start(local, face, k);
             diagonals[2 * count + 1] = edge_end(local, face, k);
-            count += (patch_growth_label(trace->space, links[k] >> 2) == patch->number) &
-                     (links[k] >> 2 > face);
+            const uint32_t other = link_face(face_link(local, face, k));
+            count += (patch_growth_label(trace->space, other) == patch->number) & (other > face);
         }
     }
     if (count - trace->diagonal_count != patch->edge_count - 3)

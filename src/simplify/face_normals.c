@@ -92,7 +92,7 @@ LANES_INLINE void load_corners(const struct slab_local *local, const uint32_t fa
 {
     float4 rows[4];
     for (unsigned i = 0; i < 4; i++) {
-        const uint32_t vertex = local->faces[FACE_STRIDE * (size_t)faces[i] + k];
+        const uint32_t vertex = face_vertex(local, faces[i], k);
         memcpy(&rows[i], local->positions + 3 * (size_t)vertex, sizeof rows[i]);
     }
     float4_transpose(rows);
@@ -210,8 +210,7 @@ static bool neighbour_sum(const struct slab_local *local, const float *normals, 
     bool any = false;
     sum[0] = sum[1] = sum[2] = 0;
     for (unsigned k = 0; k < 3; k++) {
-        uint32_t link = local->faces[FACE_STRIDE * (size_t)f + FACE_LINKS + k];
-        const float *normal = normals + (link & ~3u);
+        const float *normal = normals + NORMAL_STRIDE * (size_t)link_face(face_link(local, f, k));
         if (is_undefined(normal)) /* as are those beyond the slab */
             continue;
         any = true;
@@ -244,9 +243,9 @@ static void spread_normals(const struct slab_local *local, float *normals, float
         if (!normalise_into(sum[0], sum[1], sum[2], normal))
             normal[2] = 1; /* its neighbours cancel out: any will do */
         for (unsigned k = 0; k < 3; k++) {
-            uint32_t link = local->faces[FACE_STRIDE * (size_t)f + FACE_LINKS + k];
-            if (link >> 2 < local->face_count && is_undefined(normals + (link & ~3u)))
-                order[tail++] = link >> 2;
+            const uint32_t other = link_face(face_link(local, f, k));
+            if (other < local->face_count && is_undefined(normals + NORMAL_STRIDE * (size_t)other))
+                order[tail++] = other;
         }
     }
     for (uint32_t f = 0; f < local->face_count; f++) {
@@ -260,11 +259,10 @@ static void smooth_once(const struct slab_local *local, const float *from, float
 {
     for (uint32_t f = 0; f < local->face_count; f++) {
         const size_t at = NORMAL_STRIDE * (size_t)f;
-        const uint32_t *links = local->faces + FACE_STRIDE * (size_t)f + FACE_LINKS;
         const float4 own = float4_load(from + at);
-        const float4 sum = own + float4_load(from + (links[0] & ~3u)) +
-                           float4_load(from + (links[1] & ~3u)) +
-                           float4_load(from + (links[2] & ~3u));
+        const float4 sum = own + link_normal(from, face_link(local, f, 0)) +
+                           link_normal(from, face_link(local, f, 1)) +
+                           link_normal(from, face_link(local, f, 2));
         const float length2 = float4_sum3(sum * sum);
         const float inverse = 1 / sqrtf(length2);
         float4 result = sum * inverse;

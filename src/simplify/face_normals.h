@@ -6,12 +6,21 @@
 #define SPBM_SIMPLIFY_FACE_NORMALS_H
 
 #include "base/cpu.h"
+#include "base/float4.h"
 #include "simplify/slab_local.h"
 
-/* Four floats a face, on a multiple of 16 bytes, so that a link less its place is an index: the
+/* Four floats a face, on a multiple of 16 bytes: the
  * unit normal, then the face's area in units of a power of two, some 2^-40 of the slab's squared
  * extent, so that squares of the smallest areas and of the sum of all are floats. */
 enum { NORMAL_STRIDE = 4 };
+
+/* Of the face that a link leads to: with one operation on the link, which is why it counts bytes.
+ */
+static inline float4 link_normal(const float *normals, uint32_t link)
+{
+    const unsigned char *bytes = (const unsigned char *)normals + 2 * (size_t)(link & ~7u);
+    return float4_load((const float *)(const void *)bytes);
+}
 
 /*
  * Fills *normals (NORMAL_STRIDE floats a face, and zeros for the BEYOND_COUNT entries behind them).

@@ -19,12 +19,12 @@ enum { NODES = QUEUE_SIZE + 3 };
 enum { BOUNDARY_MAX = PATCH_FACES_MAX + 2, INSIDE_MAX = PATCH_FACES_MAX / 2 + 1 };
 enum { LISTS_SIZE = 4 * BOUNDARY_MAX + INSIDE_MAX + PATCH_FACES_MAX };
 
-/* A vertex of the patch at hand, and the edge of its boundary that starts there; stale once it lies
- * inside. */
-struct node {
-    uint32_t vertex;
-    uint32_t next; /* where the edge ends */
-    uint32_t link; /* over the edge */
+/* Nodes: vertices of the patch at hand, and the edges of its boundary that start there; stale once
+ * they lie inside. */
+struct ring {
+    uint32_t vertex[NODES];
+    uint32_t next[NODES]; /* node that the edge ends at */
+    uint32_t link[NODES]; /* over the edge */
 };
 
 /* Of a vertex: the patch that it came into last << 32 | its node there. */
@@ -34,7 +34,6 @@ typedef uint64_t vertex_mark;
 /* A face of the patch that waits for its neighbours to be looked at: those over the two edges that
  * it brought to the boundary. (Of one that shares two edges, the second is none.) */
 struct queued {
-    float4 normal; /* with the area, in whose place the face has its label */
     uint32_t link; /* it was added over; NO_INDEX: taken away again */
     uint32_t over[2];
     uint32_t from[2]; /* nodes that the edges start at; the second is the apex */

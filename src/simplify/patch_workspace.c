@@ -54,8 +54,7 @@ static enum status reserve_room(struct context *ctx, struct patch_workspace *spa
 {
     /* both parts on multiples of 16 */
     size_t half = NORMAL_STRIDE * sizeof(float) * (faces + BEYOND_COUNT);
-    const size_t later = (sizeof(vertex_mark) + sizeof(uint32_t)) * vertices +
-                         sizeof(float) * faces; /* marks, vertex_room, areas */
+    const size_t later = (sizeof(vertex_mark) + sizeof(uint32_t)) * vertices;
     if (half < later)
         half = (later + 15) / 16 * 16;
     const size_t bytes = 2 * half < slab_bytes ? slab_bytes : 2 * half;
@@ -65,8 +64,8 @@ static enum status reserve_room(struct context *ctx, struct patch_workspace *spa
                                 bit_tree_words(faces + BEYOND_COUNT), sizeof *space->candidates);
     if (!status && !space->queue)
         status = memory_take(ctx, QUEUE_SIZE, sizeof *space->queue, &space->queue);
-    if (!status && !space->nodes)
-        status = memory_take(ctx, NODES, sizeof *space->nodes, &space->nodes);
+    if (!status && !space->ring)
+        status = memory_take(ctx, 1, sizeof *space->ring, &space->ring);
     if (!status && !space->lists)
         status = memory_take(ctx, LISTS_SIZE, sizeof *space->lists, &space->lists);
     if (!status) {
@@ -82,7 +81,7 @@ void patch_workspace_clear(struct context *ctx, struct patch_workspace *space)
     memory_release(ctx, &space->faces, space->face_capacity, sizeof *space->faces);
     memory_release(ctx, &space->candidates, space->candidate_capacity, sizeof *space->candidates);
     memory_release(ctx, &space->queue, QUEUE_SIZE, sizeof *space->queue);
-    memory_release(ctx, &space->nodes, NODES, sizeof *space->nodes);
+    memory_release(ctx, &space->ring, 1, sizeof *space->ring);
     memory_release(ctx, &space->lists, LISTS_SIZE, sizeof *space->lists);
     slab_local_clear(ctx, &space->local);
     memset(space, 0, sizeof *space);
@@ -94,18 +93,17 @@ static void begin(struct patch_workspace *space, const struct patch_options *opt
 {
     const struct slab_local *local = &space->local;
     vertex_mark *marks = (vertex_mark *)(void *)space->spare;
-    label_bits *labels = (label_bits *)(void *)space->normals;
     memset(marks, 0xff, local->vertex_count * sizeof *marks);
     space->vertex_room = (uint32_t *)(void *)(marks + local->vertex_count);
     space->rest = space->vertex_room + local->vertex_count;
     space->rest_size = (size_t)((unsigned char *)space->normals - (unsigned char *)space->rest);
-    labels[link_beyond(local, BEYOND_BORDER) | 3] = ~OVER_BORDER;
-    labels[link_beyond(local, BEYOND_SEAM) | 3] = ~OVER_SEAM;
+    local->faces[link_user(link_beyond(local, BEYOND_BORDER))] = ~OVER_BORDER;
+    local->faces[link_user(link_beyond(local, BEYOND_SEAM))] = ~OVER_SEAM;
     space->growth = (struct growth){.faces = local->faces,
                                     .normals = space->normals,
                                     .marks = marks,
                                     .queue = space->queue,
-                                    .nodes = space->nodes,
+                                    .ring = space->ring,
                                     .inside = space->lists + 4 * BOUNDARY_MAX,
                                     .face_count = local->face_count,
                                     .left = local->face_count,
@@ -129,14 +127,6 @@ static void begin_growth(struct context *ctx, const struct patch_options *option
                             &space->spare));
 }
 
-/* Where the areas of all faces are kept: at the end of the rest. */
-static void set_areas_aside(struct patch_workspace *space)
-{
-    const size_t bytes = space->local.face_count * sizeof *space->areas;
-    space->rest_size -= bytes;
-    space->areas = (float *)(void *)((unsigned char *)space->rest + space->rest_size);
-}
-
 enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
                                const struct patch_options *options, struct patch_workspace *space)
 {
@@ -146,13 +136,9 @@ enum status patch_growth_begin(struct context *ctx, const struct slab *slab,
         status = reserve_room(ctx, space, slab->face_count, own + slab->foreign_count, 0);
     if (!status)
         status = slab_local_fill(ctx, slab, space->faces, &space->local);
-    if (status)
-        return status;
-    begin_growth(ctx, options, space);
-    set_areas_aside(space);
-    for (size_t f = 0; f < space->local.face_count; f++)
-        space->areas[f] = space->normals[NORMAL_STRIDE * f + 3];
-    return STATUS_OK;
+    if (!status)
+        begin_growth(ctx, options, space);
+    return status;
 }
 
 enum status patch_growth_open(struct context *ctx, struct store *store, uint32_t index,
@@ -186,7 +172,6 @@ enum status patch_growth_open(struct context *ctx, struct store *store, uint32_t
 void patch_growth_again(struct patch_workspace *space, const struct patch_options *options)
 {
     for (size_t f = 0; f < space->local.face_count; f++)
-        space->normals[NORMAL_STRIDE * f + 3] = space->areas[f];
+        space->local.faces[FACE_STRIDE * f + FACE_USER] = 0;
     begin(space, options, space->growth.area_factor);
-    set_areas_aside(space);
 }

@@ -36,10 +36,9 @@
  * On scans patches have ten faces or so, and what a processor guesses wrong costs more than all
  * arithmetic, and so does memory that is waited for: the neighbours of a face are asked for when it
  * joins the queue. So vertices are marked with the patch's number, which needs no unmarking; what
- * is beyond the slab has labels and normals like any face; a label lies where the normal is looked
- * up next; the queue has the normals, too, since one that is read just after its label was written
- * waits until that has gone all the way to the cache; and where a test would be a coin's toss, both
- * outcomes are computed or written, and one is kept.
+ * is beyond the slab has labels and normals like any face; a face's vertices, links and label lie
+ * in half a line of the cache, at places that a link gives with no arithmetic (slab_local.h); and
+ * where a test would be a coin's toss, both outcomes are computed or written, and one is kept.
  */
 #include <math.h>
 
@@ -50,11 +49,11 @@
 /* A patch while it is grown: what every face asks for and changes, in a place of its own that
  * stores through the slab's arrays can't change, so that it stays in registers. */
 struct sprout {
-    const uint32_t *faces; /* these are growth's */
-    float *normals;
+    uint32_t *faces; /* these are growth's */
+    const float *normals;
     vertex_mark *marks;
     struct queued *queue;
-    struct node *nodes;
+    struct ring *ring;
     uint32_t *inside;
     const struct growth_bounds *bounds;
     uint32_t nothing; /* a link to what is beyond the slab */
@@ -80,14 +79,15 @@ struct contact {
     float4 normal; /* the face's */
 };
 
-static inline label_bits *label_of(const struct sprout *sprout, uint32_t link)
+/* The complement of the label of the face that a link leads to. */
+static inline uint32_t *label_of(const struct sprout *sprout, uint32_t link)
 {
-    return (label_bits *)(void *)sprout->normals + (link | 3);
+    return sprout->faces + link_user(link);
 }
 
 static inline bool is_free(const struct sprout *sprout, uint32_t link)
 {
-    return (int32_t)*label_of(sprout, link) >= 0;
+    return *label_of(sprout, link) == 0;
 }
 
 /* Of the patch; where the adjacency is senseless, it may be any number. */
@@ -98,7 +98,7 @@ static inline int32_t boundary_edges(const struct sprout *sprout)
 
 static inline bool is_same_face(uint32_t link, uint32_t other)
 {
-    return (link ^ other) < 4;
+    return (link ^ other) < FACE_STRIDE;
 }
 
 /*
@@ -109,23 +109,18 @@ static inline bool is_same_face(uint32_t link, uint32_t other)
 static inline bool keeps_disk(const struct sprout *sprout, uint32_t from, uint32_t link,
                               struct contact *contact)
 {
-    const struct node *nodes = sprout->nodes;
-    const uint32_t apex = sprout->faces[link_corner(link)];
+    const struct ring *ring = sprout->ring;
+    const uint32_t apex = sprout->faces[link];
     const vertex_mark mark = sprout->marks[apex];
     contact->joint = JOINT_ALONE;
     contact->apex = apex;
     contact->node = (uint32_t)mark;
     if (mark >> 32 != sprout->patch)
         return true;
-    const bool before = is_same_face(nodes[(uint32_t)mark].link, link);
-    const bool after = is_same_face(nodes[nodes[from].next].link, link);
+    const bool before = is_same_face(ring->link[(uint32_t)mark], link);
+    const bool after = is_same_face(ring->link[ring->next[from]], link);
     contact->joint = before ? JOINT_BEFORE : JOINT_AFTER;
     return (before != after) & (boundary_edges(sprout) > 3);
-}
-
-static inline float4 normal_of(const struct sprout *sprout, uint32_t link)
-{
-    return float4_load(sprout->normals + (link & ~3u));
 }
 
 /* Test (b): the normals of face and neighbour, and of face and patch. */
@@ -140,7 +135,7 @@ static inline bool fits(const struct sprout *sprout, float4 neighbour, float4 no
 static inline bool is_feasible(const struct sprout *sprout, float4 neighbour, uint32_t from,
                                uint32_t link, struct contact *contact)
 {
-    contact->normal = normal_of(sprout, link);
+    contact->normal = link_normal(sprout->normals, link);
     return keeps_disk(sprout, from, link, contact) &&
            fits(sprout, neighbour, contact->normal, contact->joint);
 }
@@ -155,8 +150,8 @@ static inline void add_normal(struct sprout *sprout, float4 normal, float weight
 /* Asks memory for what the face behind a link will be looked at by. */
 static inline void expect(const struct sprout *sprout, uint32_t link)
 {
-    __builtin_prefetch(sprout->faces + link_corner(link));
-    __builtin_prefetch(sprout->normals + (link & ~3u));
+    __builtin_prefetch(sprout->faces + link);
+    __builtin_prefetch(sprout->normals + NORMAL_STRIDE * (size_t)link_face(link));
 }
 
 /* The node whose edge a face changes that is added over the edge from node `from`. */
@@ -169,21 +164,19 @@ static inline uint32_t changed_node(const struct contact *contact, uint32_t from
 static inline void add(struct sprout *sprout, uint32_t from, uint32_t link,
                        const struct contact *contact)
 {
-    static const int8_t to_next[4] = {1, 1, -2, 0}, to_previous[4] = {2, -1, -1, 0};
-    struct node *nodes = sprout->nodes;
+    struct ring *ring = sprout->ring;
     struct queued *entry = sprout->tail++;
-    const uint32_t *corner = sprout->faces + link_corner(link) + FACE_LINKS;
     /* the edge from the one it is reached over to the apex, and the one from there back */
-    const uint32_t to = corner[to_next[link & 3]], back = corner[to_previous[link & 3]];
+    const uint32_t to = sprout->faces[link + FACE_NEXT], back = sprout->faces[link + FACE_PREVIOUS];
     expect(sprout, to);
     expect(sprout, back);
     if (contact->joint == JOINT_ALONE) {
         const uint32_t node = sprout->node_count++;
-        nodes[node].vertex = contact->apex;
-        nodes[node].next = nodes[from].next;
-        nodes[node].link = back;
-        nodes[from].next = node;
-        nodes[from].link = to;
+        ring->vertex[node] = contact->apex;
+        ring->next[node] = ring->next[from];
+        ring->link[node] = back;
+        ring->next[from] = node;
+        ring->link[from] = to;
         sprout->marks[contact->apex] = (vertex_mark)sprout->patch << 32 | node;
         entry->over[0] = to;
         entry->over[1] = back;
@@ -191,28 +184,30 @@ static inline void add(struct sprout *sprout, uint32_t from, uint32_t link,
         entry->from[1] = node;
     } else {
         const bool is_before = contact->joint == JOINT_BEFORE;
-        const uint32_t changed = changed_node(contact, from), gone = nodes[changed].next;
+        const uint32_t changed = changed_node(contact, from), gone = ring->next[changed];
         const uint32_t left = is_before ? back : to;
-        sprout->inside[sprout->inside_count++] = nodes[gone].vertex;
-        nodes[changed].next = nodes[gone].next;
-        nodes[changed].link = left;
+        sprout->inside[sprout->inside_count++] = ring->vertex[gone];
+        ring->next[changed] = ring->next[gone];
+        ring->link[changed] = left;
         entry->over[0] = left;
         entry->over[1] = sprout->nothing;
         entry->from[0] = changed;
     }
     entry->link = link;
-    entry->normal = contact->normal;
     *label_of(sprout, link) = ~sprout->patch;
     sprout->size++;
     add_normal(sprout, contact->normal, contact->normal[3]);
 }
 
-/* The reverse of add for the face added last; `before`: the node that it changed, as it was. */
+/* The reverse of add for the face added last; `next` and `link`: of the node that it changed, as
+ * they were. */
 static inline void undo(struct sprout *sprout, uint32_t from, const struct contact *contact,
-                        const struct node *before)
+                        uint32_t next, uint32_t link)
 {
     const struct queued *entry = --sprout->tail;
-    sprout->nodes[changed_node(contact, from)] = *before;
+    const uint32_t changed = changed_node(contact, from);
+    sprout->ring->next[changed] = next;
+    sprout->ring->link[changed] = link;
     if (contact->joint == JOINT_ALONE) {
         sprout->marks[contact->apex] = NO_MARK;
         sprout->node_count--;
@@ -220,21 +215,21 @@ static inline void undo(struct sprout *sprout, uint32_t from, const struct conta
         sprout->inside_count--;
     }
     sprout->size--;
-    float4_store(sprout->normals + (entry->link & ~3u), entry->normal);
-    add_normal(sprout, entry->normal, -entry->normal[3]);
+    *label_of(sprout, entry->link) = 0;
+    add_normal(sprout, contact->normal, -contact->normal[3]);
 }
 
-/* Takes away the queue's entry `head`, both of whose edges are still on the boundary. */
-static inline void take_away(struct sprout *sprout, struct queued *entry)
+/* Takes away the queue's entry, both of whose edges are still on the boundary. */
+static inline void take_away(struct sprout *sprout, struct queued *entry, float4 normal)
 {
-    struct node *nodes = sprout->nodes;
+    struct ring *ring = sprout->ring;
     const uint32_t from = entry->from[0], apex = entry->from[1];
-    nodes[from].next = nodes[apex].next;
-    nodes[from].link = entry->link;
-    sprout->marks[nodes[apex].vertex] = NO_MARK;
+    ring->next[from] = ring->next[apex];
+    ring->link[from] = entry->link;
+    sprout->marks[ring->vertex[apex]] = NO_MARK;
     sprout->size--;
-    float4_store(sprout->normals + (entry->link & ~3u), entry->normal);
-    add_normal(sprout, entry->normal, -entry->normal[3]);
+    *label_of(sprout, entry->link) = 0;
+    add_normal(sprout, normal, -normal[3]);
     entry->link = NO_INDEX;
 }
 
@@ -245,47 +240,53 @@ static inline void take_away(struct sprout *sprout, struct queued *entry)
  */
 static inline void expand_two(struct sprout *sprout, struct queued *entry)
 {
-    const float4 normal = entry->normal;
+    const float4 normal = link_normal(sprout->normals, entry->link);
     const uint32_t one = entry->over[0], two = entry->over[1];
     const uint32_t from_one = entry->from[0], from_two = entry->from[1];
     struct contact contact_one, contact_two;
     if (is_feasible(sprout, normal, from_one, one, &contact_one) &&
         is_feasible(sprout, normal, from_two, two, &contact_two)) {
-        const struct node before = sprout->nodes[changed_node(&contact_one, from_one)];
+        const uint32_t changed = changed_node(&contact_one, from_one);
+        const uint32_t next_before = sprout->ring->next[changed];
+        const uint32_t link_before = sprout->ring->link[changed];
         add(sprout, from_one, one, &contact_one);
         if (is_free(sprout, two) && keeps_disk(sprout, from_two, two, &contact_two)) {
             add(sprout, from_two, two, &contact_two);
             return;
         }
-        undo(sprout, from_one, &contact_one, &before);
+        undo(sprout, from_one, &contact_one, next_before, link_before);
     }
-    take_away(sprout, entry);
+    take_away(sprout, entry, normal);
 }
 
 /* The seed becomes a patch, and what is feasible of its neighbours is added, one by one. */
 static struct sprout plant(const struct growth *growth, uint32_t seed)
 {
-    const uint32_t *vertices = growth->faces + FACE_STRIDE * (size_t)seed;
-    const uint32_t *links = vertices + FACE_LINKS;
+    const uint32_t link = FACE_STRIDE * seed;
+    const uint32_t *face = growth->faces + link;
+    const uint32_t vertices[3] = {face[0], face[2], face[4]};
+    const uint32_t links[3] = {face[5], face[1], face[3]};
     struct sprout sprout = {.faces = growth->faces,
                             .normals = growth->normals,
                             .marks = growth->marks,
                             .queue = growth->queue,
-                            .nodes = growth->nodes,
+                            .ring = growth->ring,
                             .inside = growth->inside,
                             .bounds = growth->bounds,
-                            .nothing = growth->face_count << 2,
+                            .nothing = growth->face_count * FACE_STRIDE,
                             .most_faces = growth->most_faces,
                             .patch = growth->patch,
                             .size = 1,
                             .tail = growth->queue + 1,
                             .node_count = 3};
-    sprout.queue[0].link = seed << 2;
-    const float4 normal = normal_of(&sprout, seed << 2);
-    *label_of(&sprout, seed << 2) = ~sprout.patch;
+    sprout.queue[0].link = link;
+    const float4 normal = link_normal(sprout.normals, link);
+    *label_of(&sprout, link) = ~sprout.patch;
     add_normal(&sprout, normal, normal[3]);
     for (unsigned k = 0; k < 3; k++) { /* edge k runs from the next vertex to the one before */
-        sprout.nodes[k] = (struct node){vertices[k], next3(k), links[previous3(k)]};
+        sprout.ring->vertex[k] = vertices[k];
+        sprout.ring->next[k] = next3(k);
+        sprout.ring->link[k] = links[previous3(k)];
         sprout.marks[vertices[k]] = (vertex_mark)sprout.patch << 32 | k;
     }
     for (unsigned k = 0; k < 3; k++) {
@@ -309,7 +310,8 @@ static struct sprout grow_from(const struct growth *growth, uint32_t seed)
         } else if (one | two) {
             const uint32_t link = entry->over[two], from = entry->from[two];
             struct contact contact;
-            if (is_feasible(&sprout, entry->normal, from, link, &contact))
+            const float4 normal = link_normal(sprout.normals, entry->link);
+            if (is_feasible(&sprout, normal, from, link, &contact))
                 add(&sprout, from, link, &contact);
         }
     }
@@ -321,12 +323,12 @@ static struct sprout grow_from(const struct growth *growth, uint32_t seed)
 static uint32_t first_node(const struct sprout *sprout)
 {
     for (const struct queued *entry = sprout->queue; entry < sprout->tail; entry++) {
-        const uint32_t *face = sprout->faces + FACE_STRIDE * (size_t)(entry->link >> 2);
+        const uint32_t *face = sprout->faces + FACE_STRIDE * (size_t)link_face(entry->link);
         if (entry->link == NO_INDEX)
             continue;
         for (unsigned k = 0; k < 3; k++)
-            if (*label_of(sprout, face[FACE_LINKS + k]) != ~sprout->patch) {
-                const vertex_mark mark = sprout->marks[face[next3(k)]];
+            if (*label_of(sprout, face[2 * previous3(k) + 1]) != ~sprout->patch) {
+                const vertex_mark mark = sprout->marks[face[2 * next3(k)]];
                 return mark >> 32 == sprout->patch ? (uint32_t)mark : NODES;
             }
     }
@@ -339,6 +341,7 @@ static uint32_t list_boundary(struct patch_workspace *space, const struct sprout
                               uint32_t *vertices, uint32_t *others)
 {
     const struct slab_local *local = &space->local;
+    const struct ring *ring = sprout->ring;
     struct bit_tree *candidates = &space->growth.candidates;
     const int32_t edges = boundary_edges(sprout);
     const uint32_t first = first_node(sprout), count = (uint32_t)edges;
@@ -346,15 +349,14 @@ static uint32_t list_boundary(struct patch_workspace *space, const struct sprout
     if (edges < 3 || edges > BOUNDARY_MAX || first == NODES)
         return 0;
     do {
-        const struct node *node = sprout->nodes + at;
-        const uint32_t link = node->link, vertex = node->vertex;
-        const uint32_t over = label_from(*label_of(sprout, link));
+        const uint32_t link = ring->link[at], vertex = ring->vertex[at];
+        const uint32_t over = ~*label_of(sprout, link);
         vertices[i] = vertices[i + count] = vertex;
         others[i] = others[i + count] = over;
-        bit_tree_set_if(candidates, link >> 2, over == NO_PATCH);
+        bit_tree_set_if(candidates, link_face(link), over == NO_PATCH);
         __builtin_prefetch(local->positions + 3 * (size_t)vertex);
         __builtin_prefetch(space->vertex_room + vertex);
-        at = node->next;
+        at = ring->next[at];
     } while (++i < count && at != first);
     return i == count && at == first ? count : 0;
 }
@@ -363,8 +365,7 @@ static uint32_t list_boundary(struct patch_workspace *space, const struct sprout
 
 static bool is_free_face(const struct growth *growth, uint32_t face)
 {
-    const label_bits *labels = (const label_bits *)(const void *)growth->normals;
-    return (int32_t)labels[NORMAL_STRIDE * (size_t)face + 3] >= 0;
+    return growth->faces[FACE_STRIDE * (size_t)face + FACE_USER] == 0;
 }
 
 /* The lowest free face beside a finished patch, else the lowest free one; NO_INDEX at the end.
@@ -411,7 +412,7 @@ const uint32_t *patch_growth_faces(struct patch_workspace *space)
     uint32_t *faces = space->lists + 4 * BOUNDARY_MAX + INSIDE_MAX, count = 0;
     for (const struct queued *entry = space->queue; entry < space->growth.tail; entry++)
         if (entry->link != NO_INDEX)
-            faces[count++] = entry->link >> 2;
+            faces[count++] = link_face(entry->link);
     return faces;
 }
 

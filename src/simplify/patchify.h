@@ -39,26 +39,15 @@ struct growth_bounds {
     float face, patch;
 };
 
-/* Numbers that are also read as parts of vectors of floats. */
-typedef uint32_t label_bits __attribute__((may_alias));
-
-/* A free face has its area's bits in the fourth number of its normal (face_normals.h), whose
- * highest is 0; one that has a label has the label's complement there, since no label reaches
- * 2^31. NO_PATCH: the face is free. */
-static inline uint32_t label_from(label_bits bits)
-{
-    const uint32_t label = ~bits;
-    return label | (0 - (label >> 31));
-}
-
 /* The state of growth between two patches; private to patchify.c. */
 struct growth {
     struct growth_bounds bounds[2]; /* sharing one edge, sharing two */
-    const uint32_t *faces;          /* those of slab_local */
-    float *normals;                 /* with labels */
+    uint32_t *faces;                /* those of slab_local; the user's number of a face is its
+                                       label's complement: 0 is NO_PATCH, a free face */
+    const float *normals;
     uint64_t *marks;
     struct queued *queue;
-    struct node *nodes;
+    struct ring *ring;
     uint32_t *inside;
     struct bit_tree candidates; /* free faces beside a finished patch, and some no longer free */
     uint32_t face_count;
@@ -74,7 +63,7 @@ struct growth {
  * slab. */
 struct patch_workspace {
     struct slab_local local;
-    float *normals;        /* face_normals.h; with labels in them while patches grow */
+    float *normals;        /* face_normals.h */
     uint32_t *vertex_room; /* a number a local vertex, for whoever traces the patches */
     /* What room holds: first a slab's bytes as read, then in their place the normals' spare and the
      * normals, then in the spare's marks, vertex_room and the rest, which is the user's; and when
@@ -88,9 +77,8 @@ struct patch_workspace {
     uint32_t *faces; /* of local; a block of its own, so that a slab that is held in memory can be
                         given back before there is room for all else */
     size_t face_capacity; /* numbers */
-    float *areas;         /* of patch_growth_begin: the faces', as in the normals, to begin again */
     struct queued *queue;
-    struct node *nodes;
+    struct ring *ring;
     uint32_t *lists; /* of the patch last grown: boundary, vertices inside, faces */
     uint64_t *candidates;
     size_t candidate_capacity;
@@ -126,8 +114,7 @@ const uint32_t *patch_growth_faces(struct patch_workspace *space);
 /* The patch of a local face, NO_PATCH if it is free. */
 static inline uint32_t patch_growth_label(const struct patch_workspace *space, uint32_t face)
 {
-    const label_bits *bits = (const label_bits *)(const void *)space->normals;
-    return label_from(bits[NORMAL_STRIDE * (size_t)face + 3]);
+    return ~space->local.faces[FACE_STRIDE * (size_t)face + FACE_USER];
 }
 
 /* Both for a whole slab: labels[0, face_count) are its faces' patches. */

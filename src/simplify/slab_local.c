@@ -61,8 +61,7 @@ static enum status foreign_corner(struct context *ctx, const struct slab *slab, 
     return STATUS_OK;
 }
 
-/* Three numbers of a face in a vector. (They are read, changed and written as one, whose fourth
- * number the next face writes over.) */
+/* Three numbers of a face in a vector. */
 static inline uint4 load_three(const uint32_t *from)
 {
     uint4 three = {0};
@@ -119,7 +118,7 @@ static enum status beyond_link(struct context *ctx, const struct slab *slab, siz
 {
     const uint32_t neighbour = slab->neighbours[3 * f + k], face = neighbour - slab->face_first;
     const unsigned mate = slab->mates[f] >> 2 * k & 3;
-    *link = face << 2 | mate;
+    *link = face << 3 | mate << 1;
     if (face >= slab->face_count) {
         bool is_seam = neighbour != NO_INDEX;
         local->seam_links += is_seam;
@@ -132,14 +131,16 @@ static enum status beyond_link(struct context *ctx, const struct slab *slab, siz
 }
 
 /* At least one of a face's links is none of the slab's. */
-static enum status put_beyond(struct context *ctx, const struct slab *slab, size_t f,
-                              struct slab_local *local)
+static enum status find_links(struct context *ctx, const struct slab *slab, size_t f,
+                              struct slab_local *local, uint4 *links)
 {
     const size_t seam_links = local->seam_links;
-    uint32_t *links = local->faces + FACE_STRIDE * f + FACE_LINKS;
     enum status status = STATUS_OK;
-    for (unsigned k = 0; k < 3 && !status; k++)
-        status = beyond_link(ctx, slab, f, k, local, &links[k]);
+    for (unsigned k = 0; k < 3 && !status; k++) {
+        uint32_t link = 0;
+        status = beyond_link(ctx, slab, f, k, local, &link);
+        (*links)[k] = link;
+    }
     if (status || local->seam_links == seam_links)
         return status;
     status = memory_reserve(ctx, &local->seam_faces, &local->seam_face_capacity,
@@ -149,12 +150,24 @@ static enum status put_beyond(struct context *ctx, const struct slab *slab, size
     return status;
 }
 
+/* Writes a face's eight numbers; its vertices come as the store has them. */
+static inline void put_face(uint4 vertices, uint4 links, uint32_t *to)
+{
+    const uint4 none = {0};
+    const uint4 opposite = __builtin_shufflevector(vertices, none, 2, 0, 1, 4);
+    const uint4 between = __builtin_shufflevector(links, links, 1, 2, 0, 1);
+    const uint4 low = __builtin_shufflevector(opposite, between, 0, 4, 1, 5);
+    const uint4 high = __builtin_shufflevector(opposite, between, 2, 6, 3, 7);
+    memcpy(to, &low, sizeof low);
+    memcpy(to + 4, &high, sizeof high);
+}
+
 static enum status fill_faces(struct context *ctx, const struct slab *slab,
                               struct slab_local *local)
 {
     uint4 places[64]; /* a face's three mates, from their six bits */
     for (uint32_t i = 0; i < 64; i++)
-        places[i] = (uint4){i & 3, i >> 2 & 3, i >> 4, 0};
+        places[i] = (uint4){(i & 3) << 1, (i >> 2 & 3) << 1, i >> 4 << 1, 0};
     const struct range own = range_of(slab->vertex_first, local->own_count);
     const struct range inside = range_of(slab->face_first, slab->face_count);
     const size_t count = slab->face_count;
@@ -169,15 +182,14 @@ static enum status fill_faces(struct context *ctx, const struct slab *slab,
         uint4 vertices = (is_last ? load_three(corners) : load_four(corners)) - own.first;
         if (any_beyond(vertices, own))
             status = find_corners(ctx, slab, f, local, &vertices);
-        vertices = __builtin_shufflevector(vertices, vertices, 2, 0, 1, 3);
-        memcpy(to, &vertices, sizeof vertices);
         const uint4 faces =
             (is_last ? load_three(neighbours) : load_four(neighbours)) - inside.first;
-        const uint4 links = faces << 2 | places[mates[f] & 63];
-        memcpy(to + FACE_LINKS, &links, sizeof links);
+        uint4 links = faces << 3 | places[mates[f] & 63];
         if (!status && (any_beyond(faces, inside) || (mates[f] & mates[f] >> 1 & 0x15) != 0))
-            status = put_beyond(ctx, slab, f, local);
+            status = find_links(ctx, slab, f, local, &links);
+        put_face(vertices, links, to);
     }
+    memset(to, 0, BEYOND_COUNT * FACE_STRIDE * sizeof *to);
     return status;
 }
 
@@ -186,7 +198,7 @@ enum status slab_local_fill(struct context *ctx, const struct slab *slab, uint32
 {
     uint32_t own = slab->vertex_end - slab->vertex_first;
     uint64_t vertices = (uint64_t)own + slab->foreign_count;
-    if (slab->face_count >= 1u << 29 || vertices >= 1u << 29)
+    if (slab->face_count >= 1u << 28 || vertices >= 1u << 29)
         return fail(ctx, STATUS_BAD_INPUT, "mesh store: slab %u is too large", slab->index);
     enum status status = reserve(ctx, local, vertices, slab->foreign_count);
     if (status)

@@ -8,21 +8,33 @@
 #include "mesh/store.h"
 
 /*
- * A link says what lies over an edge: a face of the slab, as face << 2 | the edge's place there; or
- * one of two more "faces" behind the last, so that arrays over the faces with two more entries can
- * be looked up without asking: BEYOND_BORDER (a border edge of the mesh) and BEYOND_SEAM (the face
- * is another slab's).
+ * A link says what lies over an edge: a face of the slab, as face << 3 | the edge's place there <<
+ * 1; or one of two more "faces" behind the last, which can be looked up without asking:
+ * BEYOND_BORDER (a border edge of the mesh) and BEYOND_SEAM (the face is another slab's).
  */
 enum { BEYOND_BORDER = 0, BEYOND_SEAM = 1, BEYOND_COUNT = 2 };
 
-/* Six numbers a face: the vertices opposite edges 0, 1 and 2, then the links over them. So a face
- * lies in one line of the cache, or two. */
-enum { FACE_STRIDE = 6, FACE_LINKS = 3 };
+/*
+ * Eight numbers a face, half a line of the cache. Vertex k is the one opposite edge k, link k leads
+ * over that edge:
+ *
+ *     vertex 0, link 1, vertex 1, link 2, vertex 2, link 0, a number for the user, link 1
+ *
+ * So a link, with no arithmetic, is the index of the vertex opposite the edge that it leads over,
+ * and what follows at FACE_NEXT and FACE_PREVIOUS are the links over the next edge there and the
+ * one before.
+ */
+enum { FACE_STRIDE = 8, FACE_USER = 6, FACE_NEXT = 1, FACE_PREVIOUS = 3 };
 
-/* Where the vertex of a link lies, opposite the edge there that it leads over. */
-static inline size_t link_corner(uint32_t link)
+static inline uint32_t link_face(uint32_t link)
 {
-    return link + 2 * (size_t)(link >> 2);
+    return link >> 3;
+}
+
+/* Where the user's number of a link's face lies. */
+static inline uint32_t link_user(uint32_t link)
+{
+    return link | FACE_USER;
 }
 
 /* Arrays grow as slabs ask for it and are reused from one slab to the next by the same worker. */
@@ -35,7 +47,7 @@ struct slab_local {
     size_t seam_links;     /* links that lead to another slab */
     uint32_t *seam_faces;  /* the faces that have such, ascending */
     size_t seam_face_count;
-    uint32_t *faces;  /* FACE_STRIDE a face */
+    uint32_t *faces;  /* FACE_STRIDE a face, and for what is beyond; the user's numbers are 0 */
     float *positions; /* 3 a local vertex, and room for another, so that four can be read */
     size_t vertex_capacity;
     size_t foreign_capacity;
@@ -44,18 +56,28 @@ struct slab_local {
 
 static inline uint32_t link_beyond(const struct slab_local *local, unsigned beyond)
 {
-    return (local->face_count + beyond) << 2;
+    return (local->face_count + beyond) << 3;
+}
+
+static inline uint32_t face_vertex(const struct slab_local *local, uint32_t face, unsigned k)
+{
+    return local->faces[FACE_STRIDE * (size_t)face + 2 * k];
+}
+
+static inline uint32_t face_link(const struct slab_local *local, uint32_t face, unsigned k)
+{
+    return local->faces[FACE_STRIDE * (size_t)face + 2 * previous3(k) + 1];
 }
 
 /* Where edge k of a face starts and where it ends. */
 static inline uint32_t edge_start(const struct slab_local *local, uint32_t face, unsigned k)
 {
-    return local->faces[FACE_STRIDE * (size_t)face + next3(k)];
+    return face_vertex(local, face, next3(k));
 }
 
 static inline uint32_t edge_end(const struct slab_local *local, uint32_t face, unsigned k)
 {
-    return local->faces[FACE_STRIDE * (size_t)face + previous3(k)];
+    return face_vertex(local, face, previous3(k));
 }
 
 /* Store number of a local vertex. */
@@ -65,11 +87,10 @@ static inline uint32_t local_vertex_number(const struct slab_local *local, uint3
                                      : local->foreign[vertex - local->own_count];
 }
 
-/* Numbers that so many faces take: one more than they are, so that four can be written at a time.
- */
+/* Numbers that so many faces take, and what is beyond them. */
 static inline size_t slab_local_numbers(size_t faces)
 {
-    return FACE_STRIDE * faces + 1;
+    return FACE_STRIDE * (faces + BEYOND_COUNT);
 }
 
 /* Fills `local` (all zero before its first use) from a slab, which may be closed afterwards.

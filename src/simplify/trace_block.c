@@ -20,10 +20,9 @@ static void mark_seams(struct trace *trace)
                    marked = (uint32_t)KIND_SEAM << CODE_SHIFT;
     uint32_t *codes = trace->scratch->codes;
     for (size_t i = 0; i < local->seam_face_count; i++) {
-        const uint32_t f = local->seam_faces[i],
-                       *links = local->faces + FACE_STRIDE * (size_t)f + FACE_LINKS;
+        const uint32_t f = local->seam_faces[i];
         for (unsigned k = 0; k < 3; k++)
-            if (links[k] == seam)
+            if (face_link(local, f, k) == seam)
                 codes[edge_start(local, f, k)] = codes[edge_end(local, f, k)] = marked;
     }
 }
