@@ -110,7 +110,8 @@ enum status chain_file_open(struct context *ctx, const char *path, struct chain_
         memory_release(ctx, &file, 1, sizeof *file);
         return status;
     }
-    const unsigned wanted = section_find(&file->reader, CHAIN_SECTION_TRUNK) ? 5 : 4;
+    const unsigned wanted = 4 + (section_find(&file->reader, CHAIN_SECTION_TRUNK) != NULL) +
+                            (section_find(&file->reader, CHAIN_SECTION_LOWER) != NULL);
     if (file->reader.count != wanted)
         status = fail(ctx, STATUS_BAD_INPUT, "%s: %u sections instead of %u", path,
                       file->reader.count, wanted);
@@ -172,10 +173,10 @@ static enum status read_part(struct chain_file *file, const char *what, uint64_t
     return status;
 }
 
-enum status chain_file_trunk_bytes(struct chain_file *file, const char *what, struct context **ctx,
-                                   unsigned char **raw, size_t *size)
+enum status chain_file_trunk_bytes(struct chain_file *file, uint32_t kind, const char *what,
+                                   struct context **ctx, unsigned char **raw, size_t *size)
 {
-    const struct section *section = section_find(&file->reader, CHAIN_SECTION_TRUNK);
+    const struct section *section = section_find(&file->reader, kind);
     *ctx = file->ctx;
     *raw = NULL;
     *size = 0;

@@ -1,9 +1,9 @@
 /*
- * The trunk's section, written and read.
+ * The trunk's sections, written and read.
  *
  * It is known only when levels are made, and then the chain file is there already, whole and under
- * its name. So it is written again with one section more, beside itself, and takes its own place in
- * one step. Faces are differences of indices, which lie close together as vertices are numbered
+ * its name. So it is written again with two sections more, beside itself, and takes its own place
+ * in one step. Faces are differences of indices, which lie close together as vertices are numbered
  * along the curve; coordinates go as in the blocks (chain_code.c), predicted from the vertex
  * before.
  */
@@ -192,15 +192,13 @@ static size_t vertex_bytes(uint32_t stride)
     return COORDINATE_PLANES + NOTE_PLANES + (size_t)stride;
 }
 
-/* *packed is NULL where there is nothing to be written. */
-static enum status pack_trunk(struct context *ctx, const struct trunk *trunk, uint32_t stride,
-                              unsigned char **packed, size_t *size)
+enum status chain_trunk_pack(struct context *ctx, const struct trunk *trunk, uint32_t stride,
+                             struct packed_trunk *packed)
 {
     const struct collapse_state *state = &trunk->state;
     const size_t vertices = (size_t)state->vertex_count * vertex_bytes(stride);
     const size_t capacity = HEADER + vertices + (size_t)state->face_count * 3 * SMALL_NUMBER_MAX;
     unsigned char *raw = NULL;
-    *packed = NULL;
     if (find_wrong(trunk) || !are_finite(state) || capacity > BLOCK_MAX)
         return STATUS_OK;
     enum status status = memory_take(ctx, capacity, 1, &raw);
@@ -210,9 +208,16 @@ static enum status pack_trunk(struct context *ctx, const struct trunk *trunk, ui
     put_header(trunk, raw);
     put_vertices(state, stride, raw + HEADER);
     put_faces(state, &sink);
-    status = block_pack(ctx, raw, (size_t)(sink.at - raw), CHAIN_KEPT_LEVEL, packed, size);
+    status = block_pack(ctx, raw, (size_t)(sink.at - raw), CHAIN_KEPT_LEVEL,
+                        &packed->bytes[trunk->is_lower], &packed->sizes[trunk->is_lower]);
     memory_release(ctx, &raw, capacity, 1);
     return status;
+}
+
+void packed_trunk_clear(struct context *ctx, struct packed_trunk *packed)
+{
+    for (int i = 0; i < 2; i++)
+        memory_release(ctx, &packed->bytes[i], packed->sizes[i], 1);
 }
 
 static enum status copy_section(struct section_reader *reader, const struct section *section,
@@ -231,45 +236,47 @@ static enum status copy_section(struct section_reader *reader, const struct sect
     return status == STATUS_OK ? section_end(writer) : status;
 }
 
-/* The sections of `reader` and one more, under the same name. */
+/* The sections of `reader` and those packed, under the same name. */
 static enum status write_again(struct context *ctx, struct section_reader *reader,
-                               const unsigned char *packed, size_t size, bool sync)
+                               const struct packed_trunk *packed, bool sync)
 {
+    static const uint32_t kinds[2] = {CHAIN_SECTION_TRUNK, CHAIN_SECTION_LOWER};
     struct section_writer writer;
     enum status status =
         section_file_create(ctx, reader->file.path, CHAIN_MAGIC, CHAIN_VERSION, &writer);
     if (status != STATUS_OK)
         return status;
     for (unsigned i = 0; i < reader->count && status == STATUS_OK; i++)
-        if (reader->table[i].kind != CHAIN_SECTION_TRUNK)
+        if (reader->table[i].kind != CHAIN_SECTION_LOWER &&
+            !(reader->table[i].kind == CHAIN_SECTION_TRUNK && packed->bytes[0]))
             status = copy_section(reader, &reader->table[i], &writer);
-    if (status == STATUS_OK)
-        status = section_begin(&writer, CHAIN_SECTION_TRUNK);
-    if (status == STATUS_OK)
-        status = section_append(&writer, packed, size);
-    if (status == STATUS_OK)
-        status = section_end(&writer);
+    for (int i = 0; i < 2 && status == STATUS_OK; i++) {
+        if (!packed->bytes[i])
+            continue;
+        status = section_begin(&writer, kinds[i]);
+        if (status == STATUS_OK)
+            status = section_append(&writer, packed->bytes[i], packed->sizes[i]);
+        if (status == STATUS_OK)
+            status = section_end(&writer);
+    }
     if (status == STATUS_OK)
         return section_file_finish(&writer, sync);
     section_file_discard(&writer);
     return status;
 }
 
-enum status chain_trunk_add(struct context *ctx, const char *path, const struct trunk *trunk,
-                            uint32_t stride, bool sync)
+enum status chain_trunk_add(struct context *ctx, const char *path,
+                            const struct packed_trunk *packed, bool sync)
 {
     struct section_reader reader;
-    unsigned char *packed;
-    size_t size = 0;
-    enum status status = pack_trunk(ctx, trunk, stride, &packed, &size);
-    if (status != STATUS_OK || !packed)
-        return status;
-    status = section_file_open(ctx, path, CHAIN_MAGIC, CHAIN_VERSION, "a chain file", &reader);
+    if (!packed->bytes[0] && !packed->bytes[1])
+        return STATUS_OK;
+    enum status status =
+        section_file_open(ctx, path, CHAIN_MAGIC, CHAIN_VERSION, "a chain file", &reader);
     if (status == STATUS_OK) {
-        status = write_again(ctx, &reader, packed, size, sync);
+        status = write_again(ctx, &reader, packed, sync);
         section_file_close(&reader);
     }
-    memory_release(ctx, &packed, size, 1);
     return status;
 }
 
@@ -309,16 +316,23 @@ static const char *decode(struct context *ctx, const unsigned char *raw, size_t 
     return !wrong && left_in(&source) > 0 ? "something is left over behind its faces" : wrong;
 }
 
-enum status chain_trunk_read(struct chain_file *file, struct trunk *trunk)
+static const char *section_name(bool is_lower)
+{
+    return is_lower ? "LOWR" : "TRNK";
+}
+
+enum status chain_trunk_read(struct chain_file *file, bool is_lower, struct trunk *trunk)
 {
     struct context *ctx;
     const uint32_t stride = chain_file_info(file)->attributes.stride;
+    const uint32_t kind = is_lower ? CHAIN_SECTION_LOWER : CHAIN_SECTION_TRUNK;
     unsigned char *raw;
     size_t size;
     char what[512];
     memset(trunk, 0, sizeof *trunk);
-    snprintf(what, sizeof what, "%.470s: section TRNK", chain_file_name(file));
-    enum status status = chain_file_trunk_bytes(file, what, &ctx, &raw, &size);
+    snprintf(what, sizeof what, "%.470s: section %s", chain_file_name(file),
+             section_name(is_lower));
+    enum status status = chain_file_trunk_bytes(file, kind, what, &ctx, &raw, &size);
     if (status != STATUS_OK || !raw)
         return status;
     const char *wrong = decode(ctx, raw, size, stride, trunk, &status);
@@ -327,6 +341,7 @@ enum status chain_trunk_read(struct chain_file *file, struct trunk *trunk)
         status = fail(ctx, STATUS_BAD_INPUT, "%s: %s", what, wrong);
     if (status != STATUS_OK)
         chain_trunk_clear(ctx, stride, trunk);
+    trunk->is_lower = is_lower;
     return status;
 }
 
@@ -336,8 +351,9 @@ enum status chain_trunk_resume(struct context *ctx, const struct chain_info *inf
 {
     enum status status = collapse_resume(ctx, options, &trunk->state, &info->attributes, out);
     if (status == STATUS_OK && collapse_euler(*out) != info->topology.euler)
-        status = fail(ctx, STATUS_BAD_INPUT,
-                      "%s: section TRNK: it has another topology than the file", options->source);
+        status =
+            fail(ctx, STATUS_BAD_INPUT, "%s: section %s: it has another topology than the file",
+                 options->source, section_name(trunk->is_lower));
     if (status != STATUS_OK)
         collapse_end(out);
     return status;
@@ -347,12 +363,15 @@ enum status chain_trunk_check(struct context *ctx, struct chain_file *file)
 {
     const struct chain_info *info = chain_file_info(file);
     const struct collapse_options options = {.effort = 1, .source = chain_file_name(file)};
-    struct collapse *collapse = NULL;
-    struct trunk trunk;
-    enum status status = chain_trunk_read(file, &trunk);
-    if (status == STATUS_OK && trunk.finest > 0)
-        status = chain_trunk_resume(ctx, info, &options, &trunk, &collapse);
-    collapse_end(&collapse);
-    chain_trunk_clear(ctx, info->attributes.stride, &trunk);
+    enum status status = STATUS_OK;
+    for (int i = 0; i < 2 && status == STATUS_OK; i++) {
+        struct collapse *collapse = NULL;
+        struct trunk trunk;
+        status = chain_trunk_read(file, i == 1, &trunk);
+        if (status == STATUS_OK && trunk.finest > 0)
+            status = chain_trunk_resume(ctx, info, &options, &trunk, &collapse);
+        collapse_end(&collapse);
+        chain_trunk_clear(ctx, info->attributes.stride, &trunk);
+    }
     return status;
 }

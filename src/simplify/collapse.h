@@ -86,12 +86,12 @@ void collapse_set_variant(struct collapse *collapse, uint32_t variant);
 uint64_t collapse_measured_from(struct collapse *collapse, uint64_t most_faces);
 
 /*
- * A mesh on its way, in few bytes, where no collapses are measured yet: what goes on from it does
- * the same whenever that is. Positions are relative to where they were given, times `scale`.
+ * A mesh on its way, in few bytes, without what collapses were measured by: what goes on from it
+ * does the same whenever that is. Positions are relative to where they were given, times `scale`.
  */
 struct collapse_state {
     uint64_t vertex_count, face_count;
-    uint64_t room;      /* faces that it had at first */
+    uint64_t room;      /* faces that there was room for at first, or lately */
     double scale, unit; /* powers of two */
     double typical_error, astray, error_sum;
     uint64_t error_count, refused_count;

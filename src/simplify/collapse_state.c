@@ -4,7 +4,8 @@
  * Sums that have gone along with the collapses (fans), keys, and the corner at which each vertex
  * begins depend on all that was done before. They are not kept, as they would take more room than
  * all the rest; they are made anew. So that going on at once and going on from a file are the same,
- * going on at once is done in this way, too.
+ * going on at once is done in this way, too. Nor is kept what collapses were measured by: it is the
+ * larger part, and what goes on to half the faces takes a copy of its own.
  */
 #include <string.h>
 
@@ -43,6 +44,8 @@ enum status collapse_save(struct collapse **collapse, struct collapse_state *sta
     struct collapse *c = *collapse;
     const uint32_t stride = c->records ? c->attributes.stride : 0;
     memset(state, 0, sizeof *state);
+    c->reference_room += c->reference.face_count;
+    reference_clear(c);
     enum status status = topology_compact(c);
     if (status == STATUS_OK) {
         *state = (struct collapse_state){.vertex_count = c->vertex_slots,

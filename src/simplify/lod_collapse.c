@@ -365,10 +365,15 @@ static enum status make_levels(struct lod *lod, struct trunk *trunk)
 /* The trunk that the file has, if it is of the same sequence; else all zero. */
 static enum status find_trunk(struct lod *lod, struct trunk *trunk)
 {
+    const bool is_lower = lod_begins_lower(&lod->milestones, lod->report->levels[0].wanted_faces);
+    enum status status = STATUS_OK;
     memset(trunk, 0, sizeof *trunk);
     if (lod->milestones.count == 0)
         return STATUS_OK;
-    enum status status = chain_trunk_read(lod->file, trunk);
+    if (is_lower)
+        status = chain_trunk_read(lod->file, true, trunk);
+    if (status == STATUS_OK && trunk->finest == 0)
+        status = chain_trunk_read(lod->file, false, trunk);
     if (trunk->subset != lod->collapse.subset || trunk->effort != lod->collapse.effort ||
         trunk->finest != lod->milestones.faces[0])
         chain_trunk_clear(lod->ctx, lod->stride, trunk);

@@ -14,6 +14,12 @@
  * it. The coarsest level takes the trunk itself. Five levels cost hardly more than the coarsest of
  * them this way, where the way from root to root would be the same.
  *
+ * Two states of the trunk are kept in the chain file, so that a further level need not go all the
+ * way: one before the finest milestone, where collapses begin to be measured, and one at the
+ * coarsest. From the lower one those go on that have at most half its faces: they are measured by a
+ * copy of the mesh that is taken further down. So that it does not matter whether it was kept, the
+ * trunk always goes on from there as if it had been.
+ *
  * Where errors are asked for, the milestones are the levels themselves.
  */
 #include "simplify/lod_levels.h"
@@ -31,6 +37,8 @@ enum { TRIED_FROM = 8, TRIED_FROM_LEAST = 6000 };
 enum { LEFT_FROM = 3 };
 /* From the coarsest milestone to the next that is not the file's, and so on. */
 enum { BELOW = 8 };
+/* Levels of at most this part of the coarsest milestone go on from the lower state. */
+enum { LOWER_PART = 2 };
 
 /* The largest distance of a level is about so many times the mean. */
 static const double MEAN_WEIGHT = 8;
@@ -39,13 +47,15 @@ struct levels {
     struct context *ctx;
     const struct chain_info *info;
     const struct lod_options *options;
+    const struct lod_root *root;
     const struct milestones *milestones;
     struct lod_report *report;
-    double lost;
     uint32_t effort; /* where the tables by effort are looked into */
     struct collapse *trunk;
-    uint32_t next; /* of the milestones */
-    uint64_t goal; /* its faces */
+    struct packed_trunk packed; /* the states that are to be kept */
+    uint32_t next;              /* of the milestones */
+    uint64_t goal;              /* its faces */
+    bool is_lower;              /* the trunk has gone on from the lower state */
 };
 
 /* ---- one level ---- */
@@ -147,7 +157,7 @@ static enum status write_level(const struct levels *levels, struct collapse *col
 {
     struct level *level = &levels->report->levels[index];
     struct mesh mesh;
-    level->error = fmax(level->error, levels->lost);
+    level->error = fmax(level->error, levels->root->trunk->lost);
     enum status status = collapse_extract(collapse, &mesh, NULL);
     if (status != STATUS_OK)
         return status;
@@ -180,20 +190,56 @@ static void set_next_goal(struct levels *levels)
                                       : 1;
 }
 
+bool lod_begins_lower(const struct milestones *milestones, uint64_t faces)
+{
+    const uint32_t count = milestones->count;
+    return count > 0 && faces <= milestones->faces[count - 1] / LOWER_PART;
+}
+
+static bool begins_lower(const struct levels *levels, const struct level *level)
+{
+    return lod_begins_lower(levels->milestones, level->wanted_faces);
+}
+
+static struct collapse_options trunk_options(const struct levels *levels)
+{
+    struct collapse_options options = levels->root->collapse;
+    options.together = true;
+    options.measured = true;
+    return options;
+}
+
+/* Makes *collapse, which is ended, the trunk's kept state; its section, where it is to be kept. */
+static enum status take_state(struct levels *levels, struct collapse **collapse, bool is_lower)
+{
+    struct trunk *kept = levels->root->trunk;
+    enum status status = collapse_save(collapse, &kept->state);
+    if (status != STATUS_OK || !levels->root->chains || levels->milestones->count == 0)
+        return status;
+    kept->is_lower = is_lower;
+    kept->subset = levels->root->collapse.subset;
+    kept->effort = levels->effort;
+    kept->finest = levels->milestones->faces[0];
+    return chain_trunk_pack(levels->ctx, kept, levels->info->attributes.stride, &levels->packed);
+}
+
+/* The trunk goes on from the kept state. */
+static enum status go_on_from_state(struct levels *levels)
+{
+    const struct collapse_options options = trunk_options(levels);
+    return collapse_resume(levels->ctx, &options, &levels->root->trunk->state,
+                           &levels->info->attributes, &levels->trunk);
+}
+
 /*
  * Takes the trunk to the place where what goes to the finest count begins to be measured, or tried
  * several times. From there on it is little work, so that its state is one to be kept. (Where it is
  * held back by a bound before, there is no such place.)
  */
-static enum status go_to_state(struct levels *levels, const struct lod_root *root,
-                               const struct collapse_options *options)
+static enum status go_to_state(struct levels *levels)
 {
-    struct context *ctx = levels->ctx;
-    struct trunk *kept = root->trunk;
-    const struct attributes *attributes = &levels->info->attributes;
-    const bool goes_by_file = levels->milestones->count > 0;
     const struct level *finest = &levels->report->levels[0];
-    const uint64_t goal = goes_by_file ? levels->goal : finest->wanted_faces;
+    const uint64_t goal = levels->milestones->count > 0 ? levels->goal : finest->wanted_faces;
     const double bound = lod_error_bound(finest);
     const uint64_t faces =
         is_small(levels, goal) ? tried_from(goal) : collapse_measured_from(levels->trunk, goal);
@@ -203,46 +249,87 @@ static enum status go_to_state(struct levels *levels, const struct lod_root *roo
     if (status == STATUS_OK && bound < INFINITY && collapse_faces(levels->trunk) > faces)
         return STATUS_OK;
     if (status == STATUS_OK)
-        status = collapse_save(&levels->trunk, &kept->state);
-    if (status == STATUS_OK && root->chains && goes_by_file) {
-        kept->subset = options->subset;
-        kept->effort = levels->effort;
-        kept->finest = goal;
-        status = chain_trunk_add(ctx, root->chains, kept, attributes->stride,
-                                 levels->options->syncs_trunk);
-    }
-    if (status == STATUS_OK)
-        status = collapse_resume(ctx, options, &kept->state, attributes, &levels->trunk);
-    return status;
+        status = take_state(levels, &levels->trunk, false);
+    return status == STATUS_OK ? go_on_from_state(levels) : status;
 }
 
-/* The trunk, where the first milestone is the next goal. */
-static enum status begin_trunk(struct levels *levels, const struct lod_root *root)
+/* The trunk, where the first milestone is the next goal, or behind the last one. */
+static enum status begin_trunk(struct levels *levels)
 {
     const struct attributes *attributes = &levels->info->attributes;
-    struct collapse_options options = root->collapse;
-    options.together = true;
-    options.measured = true;
-    if (root->trunk->finest > 0)
-        return chain_trunk_resume(levels->ctx, levels->info, &options, root->trunk, &levels->trunk);
-    enum status status =
-        collapse_begin_giving(levels->ctx, &options, root->mesh, attributes, &levels->trunk);
+    const struct collapse_options options = trunk_options(levels);
+    struct trunk *kept = levels->root->trunk;
+    if (kept->finest > 0 && kept->is_lower) {
+        levels->next = levels->milestones->count - 1;
+        levels->goal = levels->milestones->faces[levels->next];
+        levels->is_lower = true;
+        set_next_goal(levels);
+    }
+    if (kept->finest > 0)
+        return chain_trunk_resume(levels->ctx, levels->info, &options, kept, &levels->trunk);
+    enum status status = collapse_begin_giving(levels->ctx, &options, levels->root->mesh,
+                                               attributes, &levels->trunk);
     if (status == STATUS_OK && levels->report->levels[0].wanted_faces > 0)
-        status = go_to_state(levels, root, &options);
+        status = go_to_state(levels);
     return status;
 }
 
-/* Takes the trunk to its goal, and chooses the next. */
-static enum status pass_goal(struct levels *levels)
+/*
+ * Where the trunk stands at the coarsest milestone: takes the lower state if it is to be kept or if
+ * levels, of which `index` is the next, go on from there. Those before them still need the trunk as
+ * it is.
+ */
+static enum status take_lower_state(struct levels *levels, uint32_t index)
+{
+    const struct lod_report *report = levels->report;
+    const uint32_t count = report->level_count;
+    const struct level *last = &report->levels[count - 1];
+    const bool is_wanted = index < count && begins_lower(levels, last);
+    const bool is_needed = index < count && !begins_lower(levels, &report->levels[index]);
+    struct collapse *copy = NULL;
+    enum status status = STATUS_OK;
+    if (!is_wanted && !levels->root->chains)
+        return STATUS_OK;
+    if (is_needed)
+        status = collapse_copy(levels->trunk, &copy);
+    if (status == STATUS_OK)
+        status = take_state(levels, is_needed ? &copy : &levels->trunk, true);
+    return status;
+}
+
+/* Takes the trunk to its goal, on the way to a level, and chooses the next. */
+static enum status pass_goal(struct levels *levels, uint32_t index)
 {
     struct level level = {.wanted_faces = levels->goal};
+    const bool was_of_file = is_of_file(levels);
     collapse_pause_at(levels->trunk, 0);
     enum status status;
-    if (is_of_file(levels) && is_small(levels, levels->goal))
+    if (was_of_file && is_small(levels, levels->goal))
         status = run_to_level(levels, &levels->trunk, &level);
     else
         status = collapse_run(levels->trunk, levels->goal, INFINITY);
     set_next_goal(levels);
+    if (status == STATUS_OK && was_of_file && !is_of_file(levels))
+        status = take_lower_state(levels, index);
+    return status;
+}
+
+/* Takes the trunk past all goals that are finer than a level. */
+static enum status pass_goals(struct levels *levels, uint32_t index)
+{
+    const struct level *level = &levels->report->levels[index];
+    enum status status = STATUS_OK;
+    while (status == STATUS_OK) {
+        if (!is_of_file(levels) && !levels->is_lower && begins_lower(levels, level)) {
+            collapse_end(&levels->trunk);
+            levels->is_lower = true;
+            status = go_on_from_state(levels);
+        } else if (levels->goal > level->wanted_faces) {
+            status = pass_goal(levels, index);
+        } else {
+            break;
+        }
+    }
     return status;
 }
 
@@ -268,23 +355,30 @@ static enum status go_to_branch(struct levels *levels, uint64_t faces)
                                                  : STATUS_OK;
 }
 
+/* The level that is the next milestone. */
+static enum status make_milestone(struct levels *levels, uint32_t index)
+{
+    collapse_pause_at(levels->trunk, 0);
+    enum status status = run_to_level(levels, &levels->trunk, &levels->report->levels[index]);
+    set_next_goal(levels);
+    if (status == STATUS_OK)
+        status = write_level(levels, levels->trunk, index);
+    if (status == STATUS_OK && !is_of_file(levels))
+        status = take_lower_state(levels, index + 1);
+    return status;
+}
+
 /* A level by count alone. */
 static enum status make_counted(struct levels *levels, uint32_t index)
 {
     struct level *level = &levels->report->levels[index];
     const uint64_t faces = level->wanted_faces;
-    enum status status = STATUS_OK;
-    while (levels->goal > faces && status == STATUS_OK)
-        status = pass_goal(levels);
+    struct collapse *branch = NULL;
+    enum status status = pass_goals(levels, index);
     if (status != STATUS_OK)
         return status;
-    if (levels->goal == faces && is_of_file(levels)) {
-        collapse_pause_at(levels->trunk, 0);
-        status = run_to_level(levels, &levels->trunk, level);
-        set_next_goal(levels);
-        return status == STATUS_OK ? write_level(levels, levels->trunk, index) : status;
-    }
-    struct collapse *branch = NULL;
+    if (levels->goal == faces && is_of_file(levels))
+        return make_milestone(levels, index);
     status = go_to_branch(levels, faces);
     if (status == STATUS_OK && index + 1 == levels->report->level_count) {
         branch = levels->trunk;
@@ -308,12 +402,12 @@ enum status lod_levels_make(struct context *ctx, const struct chain_info *info,
     struct levels levels = {.ctx = ctx,
                             .info = info,
                             .options = options,
+                            .root = root,
                             .milestones = root->milestones,
                             .report = report,
-                            .lost = root->trunk->lost,
                             .effort = root->collapse.effort,
                             .goal = root->milestones->faces[0]};
-    enum status status = begin_trunk(&levels, root);
+    enum status status = begin_trunk(&levels);
     for (uint32_t i = 0; i < report->level_count && status == STATUS_OK; i++) {
         if (root->milestones->count > 0) {
             status = make_counted(&levels, i);
@@ -324,5 +418,8 @@ enum status lod_levels_make(struct context *ctx, const struct chain_info *info,
             status = write_level(&levels, levels.trunk, i);
     }
     collapse_end(&levels.trunk);
+    if (status == STATUS_OK)
+        status = chain_trunk_add(ctx, root->chains, &levels.packed, options->syncs_trunk);
+    packed_trunk_clear(ctx, &levels.packed);
     return status;
 }

@@ -16,6 +16,10 @@ struct lod_root {
     const struct milestones *milestones;
 };
 
+/* Whether levels, the finest of so many faces, begin where the file's coarsest milestone is, with a
+ * state of its own that is kept, too: those of at most half as many faces. */
+bool lod_begins_lower(const struct milestones *milestones, uint64_t faces);
+
 /* Makes and writes all levels of the report, and fills in what each has become. */
 enum status lod_levels_make(struct context *ctx, const struct chain_info *info,
                             const struct lod_options *options, const struct lod_root *root,

@@ -316,15 +316,15 @@ def check_loops(block):
 
 
 def read_trunk(raw, stride, euler):
-    must(len(raw) >= 120, 'TRNK is too short')
+    must(len(raw) >= 120, 'a trunk is too short')
     place, effort, finest, small_faces, lost, vertex_count, face_count, room = struct.unpack_from(
         '<IIQQdQQQ', raw)
     numbers = struct.unpack_from('<5d2Q2I', raw, 56)
     scale, unit, typical, astray, error_sum, _, _, guard, flat = numbers
-    must(place <= 1 and 1 <= effort <= 3 and finest >= 1 and guard <= 2 and flat <= 1, 'TRNK')
-    must(math.frexp(scale)[0] == 0.5 and math.frexp(unit)[0] == 0.5, 'scale of TRNK')
-    must(all(0 <= x < math.inf for x in (lost, typical, astray, error_sum)), 'errors of TRNK')
-    must(face_count <= room < 1 << 32, 'counts of TRNK')
+    must(place <= 1 and 1 <= effort <= 3 and finest >= 1 and guard <= 2 and flat <= 1, 'a trunk')
+    must(math.frexp(scale)[0] == 0.5 and math.frexp(unit)[0] == 0.5, 'scale of a trunk')
+    must(all(0 <= x < math.inf for x in (lost, typical, astray, error_sum)), 'errors of a trunk')
+    must(face_count <= room < 1 << 32, 'counts of a trunk')
     source = Source(raw)
     source.take(120)
     columns = planes(source.take((20 + stride) * vertex_count), vertex_count)
@@ -335,7 +335,7 @@ def read_trunk(raw, stride, euler):
                    for last, code in zip(ordered, struct.unpack('<3I', column[:12]))]
         bits = [o ^ (0x80000000 if o >> 31 else MASK) for o in ordered]
         positions.append(struct.unpack('<3f', struct.pack('<3I', *bits)))
-        must(all(math.isfinite(c / scale) for c in positions[-1]), 'coordinates of TRNK')
+        must(all(math.isfinite(c / scale) for c in positions[-1]), 'coordinates of a trunk')
         record = bytes((a + b) & 255 for a, b in zip(record, column[20:]))
         records.append(record)
     first, edges, used = 0, set(), set()
@@ -344,14 +344,14 @@ def read_trunk(raw, stride, euler):
         b = (a + unzigzag(source.varint())) & MASK
         c = (b + unzigzag(source.varint())) & MASK
         first = a
-        must(max(a, b, c) < vertex_count and len({a, b, c}) == 3, 'a face of TRNK')
+        must(max(a, b, c) < vertex_count and len({a, b, c}) == 3, 'a face of a trunk')
         for edge in ((a, b), (b, c), (c, a)):
-            must(edge not in edges, 'an edge of TRNK')
+            must(edge not in edges, 'an edge of a trunk')
             edges.add(edge)
         used.update((a, b, c))
-    must(source.at == len(raw), 'end of TRNK')
+    must(source.at == len(raw), 'end of a trunk')
     edge_count = len({(min(e), max(e)) for e in edges})
-    must(len(used) - edge_count + face_count == euler, 'topology of TRNK')
+    must(len(used) - edge_count + face_count == euler, 'topology of a trunk')
     total = 0.0
     for position in positions:
         for coordinate in position:
@@ -363,9 +363,9 @@ def read_trunk(raw, stride, euler):
 def summarise(path, show_all):
     with open(path, 'rb') as file:
         data = file.read()
-    sections, order = read_sections(data, b'spbmCHN1', 2)
-    must(order in (['BLKS', 'SEAM', 'INDX', 'INFO'], ['BLKS', 'SEAM', 'INDX', 'INFO', 'TRNK']),
-         'sections')
+    sections, order = read_sections(data, b'spbmCHN1', 3)
+    must(order[:4] == ['BLKS', 'SEAM', 'INDX', 'INFO'] and
+         order[4:] in ([], ['TRNK'], ['LOWR'], ['TRNK', 'LOWR']), 'sections')
     info = read_info(sections['INFO'])
     must(len(sections['INDX']) == 8 * info['slabs'], 'size of INDX')
     block_at = seam_at = 0
@@ -421,9 +421,10 @@ def summarise(path, show_all):
     print('y %.17g' % sums[1])
     print('z %.17g' % sums[2])
     print('area %.17g' % area)
-    if 'TRNK' in sections:
-        print('trunk', read_trunk(unpack_block(sections['TRNK']), info['stride'],
-                                  info['topology'][6]))
+    for name, kind in (('trunk', 'TRNK'), ('lower', 'LOWR')):
+        if kind in sections:
+            print(name, read_trunk(unpack_block(sections[kind]), info['stride'],
+                                   info['topology'][6]))
 
 
 def main():

@@ -54,22 +54,24 @@ static void summarise(const char *path, char text[TEXT_MAX])
     snprintf(text + used, (size_t)(TEXT_MAX - used),
              "%s\nrecord_sum %llu\nx %.17g\ny %.17g\nz %.17g\narea %.17g\n",
              info->attributes.count ? "" : " -", record_sum, sums[0], sums[1], sums[2], area);
-    struct trunk trunk;
-    must(chain_trunk_read(file, &trunk));
-    const struct collapse_state *state = &trunk.state;
-    double sum = 0;
-    record_sum = 0;
-    for (size_t i = 0; i < 3 * state->vertex_count; i++)
-        sum += (double)state->positions[i];
-    for (size_t i = 0; i < state->vertex_count * info->attributes.stride; i++)
-        record_sum += state->records[i];
-    used = (int)strlen(text);
-    if (trunk.finest > 0)
-        snprintf(text + used, (size_t)(TEXT_MAX - used), "trunk %u %llu %llu %llu %llu %.17g\n",
-                 trunk.effort, (unsigned long long)trunk.finest,
-                 (unsigned long long)state->vertex_count, (unsigned long long)state->face_count,
-                 record_sum, sum);
-    chain_trunk_clear(&ctx, info->attributes.stride, &trunk);
+    for (int i = 0; i < 2; i++) {
+        struct trunk trunk;
+        must(chain_trunk_read(file, i == 1, &trunk));
+        const struct collapse_state *state = &trunk.state;
+        double sum = 0;
+        record_sum = 0;
+        for (size_t j = 0; j < 3 * state->vertex_count; j++)
+            sum += (double)state->positions[j];
+        for (size_t j = 0; j < state->vertex_count * info->attributes.stride; j++)
+            record_sum += state->records[j];
+        used = (int)strlen(text);
+        if (trunk.finest > 0)
+            snprintf(text + used, (size_t)(TEXT_MAX - used), "%s %u %llu %llu %llu %llu %.17g\n",
+                     i ? "lower" : "trunk", trunk.effort, (unsigned long long)trunk.finest,
+                     (unsigned long long)state->vertex_count, (unsigned long long)state->face_count,
+                     record_sum, sum);
+        chain_trunk_clear(&ctx, info->attributes.stride, &trunk);
+    }
     chain_file_close(&file);
     context_clear(&ctx);
 }
@@ -88,7 +90,7 @@ static int run_reader(const char *path, char text[TEXT_MAX])
     return pclose(pipe);
 }
 
-/* Returns whether the file has a trunk. */
+/* Returns whether the file has a trunk, both its states. */
 static bool readers_must_agree(const char *path)
 {
     char ours[TEXT_MAX], theirs[TEXT_MAX];
@@ -98,7 +100,7 @@ static bool readers_must_agree(const char *path)
         print_message("%s\n", theirs);
     assert_int_equal(code, 0);
     assert_string_equal(ours, theirs);
-    return strstr(theirs, "\ntrunk ") != NULL;
+    return strstr(theirs, "\ntrunk ") && strstr(theirs, "\nlower ");
 }
 
 static bool agree_on(struct shape shape, uint32_t slab_faces, const struct patch_options *options,

@@ -1,7 +1,7 @@
 /*
- * The section of a chain file from which levels begin: levels are the same with and without it, it
- * changes nothing else in the file, every changed byte is found, and forged contents, checksums and
- * all, are refused in words.
+ * The sections of a chain file from which levels begin: levels are the same with and without them,
+ * they change nothing else in the file, every changed byte is found, and forged contents, checksums
+ * and all, are refused in words.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,7 +24,7 @@
 static char plain[256], kept[256], output[2][256];
 
 /* A torus in a few slabs, of which a chain file is made for 600 and 200 faces; one copy of it gets
- * a trunk. */
+ * a trunk, both its states. */
 static int set_up(void **unused)
 {
     (void)unused;
@@ -52,19 +52,19 @@ static int set_up(void **unused)
     slab_set_free(&slabs);
     mesh_clear(&ctx, &mesh);
     struct lod_report report;
-    const struct lod_options lod = {.target = {.count = 1, .values = {600}, .effort = 2},
-                                    .output = test_path("first.ply"),
+    const struct lod_options lod = {.target = {.count = 2, .values = {600, 200}, .effort = 2},
+                                    .output = test_path("first-%d.ply"),
                                     .keeps_trunk = true};
     const enum status status = lod_build(&ctx, kept, &lod, &report);
     context_clear(&ctx);
     return status != STATUS_OK;
 }
 
-static void read_trunk(struct context *ctx, const char *path, struct trunk *trunk)
+static void read_trunk(struct context *ctx, const char *path, bool is_lower, struct trunk *trunk)
 {
     struct chain_file *file;
     must(chain_file_open(ctx, path, &file));
-    must(chain_trunk_read(file, trunk));
+    must(chain_trunk_read(file, is_lower, trunk));
     chain_file_close(&file);
 }
 
@@ -79,18 +79,20 @@ static void the_rest_is_as_it_was(void **unused)
     must(section_file_open(&ctx, plain, CHAIN_MAGIC, CHAIN_VERSION, "it", &readers[0]));
     must(section_file_open(&ctx, kept, CHAIN_MAGIC, CHAIN_VERSION, "it", &readers[1]));
     assert_int_equal(readers[0].count, 4);
-    assert_int_equal(readers[1].count, 5);
+    assert_int_equal(readers[1].count, 6);
     for (unsigned i = 0; i < 4; i++)
         assert_memory_equal(&readers[0].table[i], &readers[1].table[i], sizeof(struct section));
     section_file_close(&readers[0]);
     section_file_close(&readers[1]);
     must(chain_file_check(&ctx, kept));
-    read_trunk(&ctx, plain, &trunk);
-    assert_int_equal(trunk.finest, 0);
-    read_trunk(&ctx, kept, &trunk);
-    assert_int_equal(trunk.finest, 600);
-    assert_true(trunk.state.face_count > 600);
-    chain_trunk_clear(&ctx, 0, &trunk);
+    for (int i = 0; i < 2; i++) {
+        read_trunk(&ctx, plain, i == 1, &trunk);
+        assert_int_equal(trunk.finest, 0);
+        read_trunk(&ctx, kept, i == 1, &trunk);
+        assert_int_equal(trunk.finest, 600);
+        assert_true(i == 1 ? trunk.state.face_count <= 200 : trunk.state.face_count > 600);
+        chain_trunk_clear(&ctx, 0, &trunk);
+    }
     assert_int_equal(ctx.memory_now, 0);
     context_clear(&ctx);
 }
@@ -101,6 +103,8 @@ static void levels_are_the_same(void **unused)
     (void)unused;
     const struct target targets[] = {
         {.count = 5, .values = {600, 500, 200, 90, 30}, .effort = 2},
+        {.count = 3, .values = {150, 100, 20}, .effort = 2},
+        {.count = 2, .values = {100, 60}, .effort = 2},   /* of the lower state alone */
         {.count = 2, .values = {1100, 300}, .effort = 2}, /* finer than what it was made for */
         {.count = 2, .values = {600, 100}, .effort = 1},
         {.count = 2, .values = {600, 100}, .effort = 3},
@@ -139,13 +143,17 @@ static void levels_are_the_same(void **unused)
 
 /* ---- damage and forgery ---- */
 
-static enum status read_and_use(const char *path, char error[512])
+static const uint32_t kinds[2] = {CHAIN_SECTION_TRUNK, CHAIN_SECTION_LOWER};
+
+/* Makes a level that begins with the upper or the lower state. */
+static enum status read_and_use(const char *path, int lower, char error[512])
 {
     struct context ctx;
     struct lod_report report;
     context_init(&ctx);
-    const struct lod_options lod = {.target = {.count = 1, .values = {600}, .effort = 2},
-                                    .output = test_path("damaged.ply")};
+    const struct lod_options lod = {
+        .target = {.count = 1, .values = {lower ? 100 : 600}, .effort = 2},
+        .output = test_path("damaged.ply")};
     const enum status status = lod_build(&ctx, path, &lod, &report);
     snprintf(error, 512, "%.500s", ctx.error);
     assert_int_equal(ctx.memory_now, 0);
@@ -164,21 +172,23 @@ static void every_changed_byte_is_found(void **unused)
     unsigned char *bytes = file_read(kept, &size);
     context_init(&ctx);
     must(section_file_open(&ctx, kept, CHAIN_MAGIC, CHAIN_VERSION, "it", &reader));
-    const struct section trunk = *section_find(&reader, CHAIN_SECTION_TRUNK);
+    const struct section sections[2] = {*section_find(&reader, kinds[0]),
+                                        *section_find(&reader, kinds[1])};
     section_file_close(&reader);
     context_clear(&ctx);
-    for (uint64_t at = 0; at < trunk.length; at += at < BLOCK_HEADER_SIZE ? 1 : 211) {
-        bytes[trunk.offset + at] ^= 0x10;
-        file_write(path, bytes, size);
-        assert_int_equal(read_and_use(path, error), STATUS_BAD_INPUT);
-        assert_non_null(strstr(error, "TRNK"));
-        bytes[trunk.offset + at] ^= 0x10;
-    }
+    for (int i = 0; i < 2; i++)
+        for (uint64_t at = 0; at < sections[i].length; at += at < BLOCK_HEADER_SIZE ? 1 : 211) {
+            bytes[sections[i].offset + at] ^= 0x10;
+            file_write(path, bytes, size);
+            assert_int_equal(read_and_use(path, i, error), STATUS_BAD_INPUT);
+            assert_non_null(strstr(error, i ? "LOWR" : "TRNK"));
+            bytes[sections[i].offset + at] ^= 0x10;
+        }
     free(bytes);
 }
 
-/* The plain file with these bytes, rightly summed, as its trunk. */
-static void write_forged(const char *path, const unsigned char *raw, size_t raw_size)
+/* The plain file with these bytes, rightly summed, as its upper or lower state. */
+static void write_forged(const char *path, int lower, const unsigned char *raw, size_t raw_size)
 {
     struct context ctx;
     struct section_reader reader;
@@ -196,7 +206,7 @@ static void write_forged(const char *path, const unsigned char *raw, size_t raw_
         memory_release(&ctx, &bytes, reader.table[i].length, 1);
     }
     must(block_pack(&ctx, raw, raw_size, 0, &packed, &size));
-    must(section_begin(&writer, CHAIN_SECTION_TRUNK));
+    must(section_begin(&writer, kinds[lower]));
     must(section_append(&writer, packed, size));
     must(section_end(&writer));
     must(section_file_finish(&writer, false));
@@ -205,14 +215,14 @@ static void write_forged(const char *path, const unsigned char *raw, size_t raw_
     context_clear(&ctx);
 }
 
-static unsigned char *raw_trunk(size_t *size)
+static unsigned char *raw_trunk(int lower, size_t *size)
 {
     struct context ctx, *its;
     struct chain_file *file;
     unsigned char *raw, *copy;
     context_init(&ctx);
     must(chain_file_open(&ctx, kept, &file));
-    must(chain_file_trunk_bytes(file, "it", &its, &raw, size));
+    must(chain_file_trunk_bytes(file, kinds[lower], "it", &its, &raw, size));
     copy = malloc(*size);
     assert_non_null(copy);
     memcpy(copy, raw, *size);
@@ -255,28 +265,31 @@ static void forged_fields_are_told(void **unused)
         {112, 4, 3, "not made for anything"},
         {116, 4, 2, "not made for anything"},
     };
-    size_t size;
-    unsigned char *raw = raw_trunk(&size), was[8];
     char error[512], path[256];
     snprintf(path, sizeof path, "%s", test_path("forged.chains"));
-    write_forged(path, raw, size);
-    assert_int_equal(read_and_use(path, error), STATUS_OK);
-    for (unsigned i = 0; i < sizeof fields / sizeof *fields; i++) {
-        memcpy(was, raw + fields[i].at, sizeof was);
-        if (fields[i].size == 8)
-            store_u64(raw + fields[i].at, fields[i].value);
-        else
-            store_u32(raw + fields[i].at, (uint32_t)fields[i].value);
-        write_forged(path, raw, size);
-        if (read_and_use(path, error) != STATUS_BAD_INPUT || !strstr(error, fields[i].words))
-            fail_msg("field at %u, case %u: \"%s\"", fields[i].at, i, error);
-        memcpy(raw + fields[i].at, was, sizeof was);
+    for (int lower = 0; lower < 2; lower++) {
+        size_t size;
+        unsigned char *raw = raw_trunk(lower, &size), was[8];
+        write_forged(path, lower, raw, size);
+        assert_int_equal(read_and_use(path, lower, error), STATUS_OK);
+        for (unsigned i = 0; i < sizeof fields / sizeof *fields; i++) {
+            memcpy(was, raw + fields[i].at, sizeof was);
+            if (fields[i].size == 8)
+                store_u64(raw + fields[i].at, fields[i].value);
+            else
+                store_u32(raw + fields[i].at, (uint32_t)fields[i].value);
+            write_forged(path, lower, raw, size);
+            if (read_and_use(path, lower, error) != STATUS_BAD_INPUT ||
+                !strstr(error, fields[i].words) || !strstr(error, lower ? "LOWR" : "TRNK"))
+                fail_msg("field at %u, case %u: \"%s\"", fields[i].at, i, error);
+            memcpy(raw + fields[i].at, was, sizeof was);
+        }
+        for (size_t cut = 1; cut < size; cut += 1 + size / 97) {
+            write_forged(path, lower, raw, size - cut);
+            assert_int_equal(read_and_use(path, lower, error), STATUS_BAD_INPUT);
+        }
+        free(raw);
     }
-    for (size_t cut = 1; cut < size; cut += 1 + size / 97) {
-        write_forged(path, raw, size - cut);
-        assert_int_equal(read_and_use(path, error), STATUS_BAD_INPUT);
-    }
-    free(raw);
 }
 
 /* Faces that are no manifold, or of another topology, by changes of their bytes: refused, or a
@@ -284,23 +297,25 @@ static void forged_fields_are_told(void **unused)
 static void forged_faces_do_no_harm(void **unused)
 {
     (void)unused;
-    size_t size;
-    unsigned char *raw = raw_trunk(&size);
     char error[512], path[256];
-    const size_t vertices = (size_t)load_u64(raw + 32), faces = 120 + 20 * vertices;
-    unsigned refused = 0;
     snprintf(path, sizeof path, "%s", test_path("forged.chains"));
-    for (size_t at = faces; at < size; at += 1 + (size - faces) / 61) {
-        raw[at] ^= 2;
-        write_forged(path, raw, size);
-        const enum status status = read_and_use(path, error);
-        assert_true(status == STATUS_OK || status == STATUS_TARGET_MISSED ||
-                    status == STATUS_BAD_INPUT);
-        refused += status == STATUS_BAD_INPUT;
-        raw[at] ^= 2;
+    for (int lower = 0; lower < 2; lower++) {
+        size_t size;
+        unsigned char *raw = raw_trunk(lower, &size);
+        const size_t vertices = (size_t)load_u64(raw + 32), faces = 120 + 20 * vertices;
+        unsigned refused = 0;
+        for (size_t at = faces; at < size; at += 1 + (size - faces) / 61) {
+            raw[at] ^= 2;
+            write_forged(path, lower, raw, size);
+            const enum status status = read_and_use(path, lower, error);
+            assert_true(status == STATUS_OK || status == STATUS_TARGET_MISSED ||
+                        status == STATUS_BAD_INPUT);
+            refused += status == STATUS_BAD_INPUT;
+            raw[at] ^= 2;
+        }
+        assert_true(refused > 50);
+        free(raw);
     }
-    assert_true(refused > 50);
-    free(raw);
 }
 
 int main(void)
