@@ -13,6 +13,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "base/float4.h"
 #include "base/lanes.h"
 #include "collapse_internal.h"
 
@@ -223,23 +224,33 @@ void edge_update_fans(struct collapse *c, const struct edge_change *change, uint
         update_fans_scalar(c, change, kept);
 }
 
+/* (Put together from single floats, a vector goes through memory, which is waited for.) */
 void fans_build(struct collapse *c)
 {
+    static const int4 first_three = {-1, -1, -1, 0};
+    static const float4 ones = {1, 1, 1, 1};
     for (size_t v = 0; v < (size_t)c->vertex_slots; v++)
         memset(&c->vertices[v].fan, 0, sizeof c->vertices[v].fan);
     for (size_t f = 0; f < (size_t)c->face_slots; f++) {
         const struct collapse_corner *corner = c->corners + 3 * f;
-        const float *p = c->vertices[corner[0].end].position;
-        const float *q = c->vertices[corner[1].end].position;
-        const float *r = c->vertices[corner[2].end].position;
-        const float ax = q[0] - p[0], ay = q[1] - p[1], az = q[2] - p[2];
-        const float bx = r[0] - p[0], by = r[1] - p[1], bz = r[2] - p[2];
-        const float x = ay * bz - az * by, y = az * bx - ax * bz, z = ax * by - ay * bx;
-        const float8 part = {x * x, x * y, x * z, y * y, y * z, z * z, x, y};
+        const float4 p = float4_load(c->vertices[corner[0].end].position);
+        const float4 q = float4_load(c->vertices[corner[1].end].position);
+        const float4 r = float4_load(c->vertices[corner[2].end].position);
+        const float4 a = (float4)((int4)(q - p) & first_three);
+        const float4 b = (float4)((int4)(r - p) & first_three);
+        const float4 n =
+            __builtin_shufflevector(a, a, 1, 2, 0, 3) * __builtin_shufflevector(b, b, 2, 0, 1, 3) -
+            __builtin_shufflevector(a, a, 2, 0, 1, 3) * __builtin_shufflevector(b, b, 1, 2, 0, 3);
+        const float4 first = /* xx, xy, xz, yy */
+            __builtin_shufflevector(n, n, 0, 0, 0, 1) * __builtin_shufflevector(n, n, 0, 1, 2, 1);
+        const float4 second = /* yz, zz, x, y */
+            __builtin_shufflevector(n, n, 1, 2, 0, 1) *
+            __builtin_shufflevector(n, ones, 2, 2, 4, 5);
         for (int i = 0; i < 3; i++) {
             float *fan = (float *)&c->vertices[corner[i].end].fan; /* nine of them */
-            lanes_store(fan, lanes_load(fan) + part);
-            fan[8] += z;
+            float4_store(fan, float4_load(fan) + first);
+            float4_store(fan + 4, float4_load(fan + 4) + second);
+            fan[8] += n[2];
         }
     }
 }

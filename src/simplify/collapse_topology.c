@@ -202,10 +202,10 @@ static enum status match_stretch(void *user, uint64_t job, unsigned worker)
     struct matching *matching = user;
     struct collapse *c = matching->collapse;
     const uint64_t first = job * MATCH_STRETCH, left = c->vertex_count - first;
+    const uint32_t end = (uint32_t)(first + (left < MATCH_STRETCH ? left : MATCH_STRETCH));
     struct met recent[RECENT] = {{0}};
     bool has_hub = false;
-    for (uint32_t v = (uint32_t)first; v < first + (left < MATCH_STRETCH ? left : MATCH_STRETCH);
-         v++)
+    for (uint32_t v = (uint32_t)first; v < end; v++)
         if (c->vertices[v].corner != NO_INDEX && !match_vertex(c, v, recent, &has_hub)) {
             matching->is_manifold = false;
             break;

@@ -3,20 +3,21 @@
  *
  * The plain way is to collapse the edges of the whole surface. Here the patches have flattened most
  * of it already: each block gives a small mesh (small_mesh.h) of its chains and patches alone.
- * Leaves, of LEAF_WIDTH neighbouring blocks, are independent jobs, their seam vertices locked, and
- * go down to SLACK times the density that the finest level needs; then they are joined, JOIN_WIDTH
- * at a time along the curve, what has become interior is unlocked and goes down with the rest, up
- * to the root, which makes the levels
- * (lod_levels.c). The finest level is the one that the chain file was made for, if none that is
- * asked for is finer, so that the root is the same for all. Down to SLACK times the density no
- * collapse comes near the errors that the levels will have, so that they are measured only where an
- * error is asked for or the root is at work: the mean errors stay within half a percent, the
- * largest go up and down alike (noisy scan, dragon; a quarter of the time of nodes below the root).
- * What is done depends on the chain file and the targets only.
+ * Blocks are independent jobs; whoever builds the last of LEAF_WIDTH neighbouring ones makes a leaf
+ * of them. Leaves, their seam vertices locked, go down to SLACK times the density that the finest
+ * level needs; then they are joined, JOIN_WIDTH at a time along the curve, what has become interior
+ * is unlocked and goes down with the rest, up to the root, which makes the levels (lod_levels.c).
+ * The finest level is the one that the chain file was made for, if none that is asked for is finer,
+ * so that the root is the same for all. Down to SLACK times the density no collapse comes near the
+ * errors that the levels will have, so that they are measured only where an error is asked for or
+ * the root is at work: the mean errors stay within half a percent, the largest go up and down alike
+ * (noisy scan, dragon; a quarter of the time of nodes below the root). What is done depends on the
+ * chain file and the targets only.
  */
 #include "simplify/lod_collapse.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -76,6 +77,7 @@ struct lod {
     struct small_workspace *spaces; /* one a worker */
     struct small_mesh *nodes;       /* of one stage of the tree */
     struct node_job *jobs;          /* of one stage, the largest first */
+    _Atomic uint32_t *unbuilt;      /* blocks of each leaf */
     uint64_t *weights;              /* patches below each node */
     struct built *built;            /* of each block */
     double lost;                    /* of the blocks' meshes, the largest */
@@ -140,21 +142,13 @@ static void close_up(struct lod *lod, uint32_t groups, uint32_t width)
     lod->span *= width;
 }
 
+/* The largest come first, as the last decide how long all threads but one have nothing to do. */
 static int compare_jobs(const void *a, const void *b)
 {
     const struct node_job *first = a, *second = b;
     if (first->work != second->work)
         return first->work > second->work ? -1 : 1;
     return first->node < second->node ? -1 : 1;
-}
-
-/* Makes `make` of all nodes, in no order that matters: the largest come first, as the last decide
- * how long all threads but one have nothing to do. */
-static enum status make_nodes(struct lod *lod,
-                              enum status (*make)(void *user, uint64_t job, unsigned worker))
-{
-    qsort(lod->jobs, lod->node_count, sizeof *lod->jobs, compare_jobs);
-    return parallel_for(lod->ctx, lod->node_count, make, lod);
 }
 
 /* Collapses a node that is not the root to what the finest level may need of it. */
@@ -238,16 +232,17 @@ static enum status join_nodes(struct lod *lod, uint32_t first, uint32_t count, u
     return STATUS_OK;
 }
 
-static enum status make_leaf(void *user, uint64_t job, unsigned worker)
+/* Builds a block; whoever builds the last one of a leaf goes on with the leaf. */
+static enum status make_block(void *user, uint64_t job, unsigned worker)
 {
     struct lod *lod = user;
-    const struct group leaf = group_of(lod->info->slab_count, lod->jobs[job].node, LEAF_WIDTH);
-    enum status status = STATUS_OK;
-    for (uint32_t i = 0; i < leaf.count && status == STATUS_OK; i++)
-        status = build_block(lod, leaf.first + i, worker);
-    if (status == STATUS_OK)
-        status = leaf.count > 1 ? join_nodes(lod, leaf.first, leaf.count, 1)
-                                : small_mesh_split(lod->ctx, lod->stride, &lod->nodes[leaf.first]);
+    const uint32_t slab = lod->jobs[job].node, index = slab / LEAF_WIDTH;
+    enum status status = build_block(lod, slab, worker);
+    if (status != STATUS_OK || atomic_fetch_sub(&lod->unbuilt[index], 1) > 1)
+        return status;
+    const struct group leaf = group_of(lod->info->slab_count, index, LEAF_WIDTH);
+    status = leaf.count > 1 ? join_nodes(lod, leaf.first, leaf.count, 1)
+                            : small_mesh_split(lod->ctx, lod->stride, &lod->nodes[leaf.first]);
     return status == STATUS_OK ? thin_node(lod, leaf.first) : status;
 }
 
@@ -274,6 +269,26 @@ static void clear_nodes(struct lod *lod)
         small_mesh_clear(lod->ctx, lod->stride, &lod->nodes[i]);
 }
 
+/* Orders the blocks: leaf by leaf, that with the most work first. Of the blocks of each leaf that
+ * is not whole yet one is being built, so that no more wait than workers have leaves in hand. */
+static void order_blocks(struct lod *lod)
+{
+    const uint32_t slabs = lod->info->slab_count, leaves = count_groups(slabs, LEAF_WIDTH);
+    uint32_t end = slabs;
+    for (uint32_t i = 0; i < leaves; i++)
+        lod->jobs[i] = (struct node_job){0, i};
+    for (uint32_t i = 0; i < slabs; i++)
+        lod->jobs[i / LEAF_WIDTH].work += chain_block_work(lod->file, i);
+    qsort(lod->jobs, leaves, sizeof *lod->jobs, compare_jobs);
+    for (uint32_t i = leaves; i-- > 0;) { /* which takes more room than what is still to be read */
+        const uint32_t index = lod->jobs[i].node;
+        const struct group leaf = group_of(slabs, index, LEAF_WIDTH);
+        lod->unbuilt[index] = leaf.count;
+        for (uint32_t k = leaf.count; k-- > 0;)
+            lod->jobs[--end] = (struct node_job){0, leaf.first + k};
+    }
+}
+
 /* All blocks, thinned. When the chains at this tolerance do not give what the finest level wants,
  * again with a finer one. */
 static enum status make_leaves(struct lod *lod)
@@ -282,11 +297,8 @@ static enum status make_leaves(struct lod *lod)
         const uint32_t slabs = lod->info->slab_count, leaves = count_groups(slabs, LEAF_WIDTH);
         lod->node_count = leaves;
         lod->span = 1;
-        for (uint32_t i = 0; i < leaves; i++)
-            lod->jobs[i] = (struct node_job){0, i};
-        for (uint32_t i = 0; i < slabs; i++)
-            lod->jobs[i / LEAF_WIDTH].work += chain_block_work(lod->file, i);
-        enum status status = make_nodes(lod, make_leaf);
+        order_blocks(lod);
+        enum status status = parallel_for(lod->ctx, slabs, make_block, lod);
         if (status != STATUS_OK)
             return status;
         lod->report->small_faces = 0;
@@ -341,7 +353,8 @@ static enum status join_leaves(struct lod *lod)
         stage->faces_in = count_faces(lod, &stage->largest_in);
         for (uint32_t i = 0; i < parents; i++)
             lod->jobs[i] = (struct node_job){lod->nodes[i].triangles.face_count, i};
-        status = make_nodes(lod, thin_parent);
+        qsort(lod->jobs, parents, sizeof *lod->jobs, compare_jobs);
+        status = parallel_for(lod->ctx, parents, thin_parent, lod);
         if (status != STATUS_OK)
             return status;
         stage->faces_out = count_faces(lod, &largest_out);
@@ -416,6 +429,9 @@ enum status lod_collapse(struct context *ctx, struct chain_file *file,
     if (status == STATUS_OK)
         status = memory_take(ctx, slabs, sizeof *lod.jobs, &lod.jobs);
     if (status == STATUS_OK)
+        status = memory_take(ctx, count_groups(info->slab_count, LEAF_WIDTH), sizeof *lod.unbuilt,
+                             &lod.unbuilt);
+    if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, slabs, sizeof *lod.weights, &lod.weights);
     if (status == STATUS_OK)
         status = memory_take_zeroed(ctx, slabs, sizeof *lod.built, &lod.built);
@@ -433,6 +449,8 @@ enum status lod_collapse(struct context *ctx, struct chain_file *file,
     memory_release(ctx, &lod.spaces, ctx->threads, sizeof *lod.spaces);
     memory_release(ctx, &lod.built, slabs, sizeof *lod.built);
     memory_release(ctx, &lod.weights, slabs, sizeof *lod.weights);
+    memory_release(ctx, &lod.unbuilt, count_groups(info->slab_count, LEAF_WIDTH),
+                   sizeof *lod.unbuilt);
     memory_release(ctx, &lod.jobs, slabs, sizeof *lod.jobs);
     memory_release(ctx, &lod.nodes, slabs, sizeof *lod.nodes);
     return status;

@@ -1,6 +1,6 @@
 /*
- * What small_mesh.c, small_edges.c, small_chains.c and small_loss.c share: a block's small mesh
- * while it is built.
+ * What small_mesh.c, small_edges.c, small_chains.c, small_patches.c and small_loss.c share: a
+ * block's small mesh while it is built.
  */
 #ifndef SPBM_SIMPLIFY_SMALL_INTERNAL_H
 #define SPBM_SIMPLIFY_SMALL_INTERNAL_H
@@ -9,9 +9,16 @@
 #include "simplify/small_bulge.h"
 #include "simplify/small_mesh.h"
 
+/* The edges from a vertex to higher ones, and to such hubs among the lower ones that have all bits
+ * set already: no list is long. */
+struct edge_list {
+    uint32_t first; /* 1 + the entry; 0: there is none */
+    uint32_t seen;  /* a bit for each of all other ends, several having the same */
+};
+
 struct edge_entry {
-    uint32_t high; /* the other vertex */
-    uint32_t next; /* entry at the same lower vertex; NO_INDEX: the last */
+    uint32_t other; /* vertex */
+    uint32_t next;  /* 1 + the next entry of the list; 0: it is the last */
     uint32_t owner;
     uint32_t chain; /* that it is a segment of; NO_INDEX: a diagonal */
 };
@@ -42,21 +49,18 @@ struct small_builder {
     double lost;          /* largest error of what was left out within it */
     uint32_t chain_total; /* chains, then seam chains */
     uint32_t use_count;
-    uint32_t segment_count; /* of all chains as they were cut */
-    uint32_t *use_first;    /* a patch, and one more */
-    uint32_t *face_first;   /* likewise, of the faces that it was cut into */
-    uint32_t *uses;         /* chain << 1 | walked from its end */
-    unsigned char *keep;    /* a vertex: it is in the mesh */
-    unsigned char *states;  /* a chain: enum chain_state */
-    float *dropped;         /* a chain: the largest error of what is not kept of it */
-    uint32_t *heads;        /* a vertex: its first entry */
-    size_t heads_count;
+    uint32_t segment_count;  /* of all chains as they were cut */
+    uint32_t *use_first;     /* a patch, and one more */
+    uint32_t *face_first;    /* likewise, of the faces that it was cut into */
+    uint32_t *uses;          /* chain << 1 | walked from its end */
+    unsigned char *keep;     /* a vertex: it is in the mesh */
+    unsigned char *states;   /* a chain: enum chain_state */
+    float *dropped;          /* a chain: the largest error of what is not kept of it */
+    struct edge_list *lists; /* a vertex, in the end its number in the mesh */
+    uint32_t list_count;
     struct edge_entry *entries;
     uint32_t entry_count, entry_capacity;
-    uint64_t *seen; /* a bit for each of all edges entered, several edges having the same */
-    size_t seen_words;
-    unsigned seen_shift; /* from 32 bits to the number of one of them */
-    float *line;         /* one chain's positions */
+    float *line; /* one chain's positions */
     float *line_errors;
     uint32_t line_capacity;
     struct use_line *lines; /* one patch's uses */
@@ -132,9 +136,25 @@ static inline bool small_on_seam(const struct small_builder *b, uint32_t v)
 
 /* ---- small_edges.c ---- */
 
-static inline size_t small_edge_bit(const struct small_builder *b, uint32_t low, uint32_t high)
+static inline uint32_t small_edge_bit(uint32_t other)
 {
-    return (low * 0x9e3779b1u ^ high * 0x85ebca6bu) * 0xc2b2ae35u >> b->seen_shift;
+    return (uint32_t)1 << (other * 0x9e3779b1u >> 27);
+}
+
+static inline bool edge_list_is_full(const struct edge_list *list)
+{
+    return list->seen == UINT32_MAX;
+}
+
+static inline struct edge_entry *edge_list_find(const struct small_builder *b,
+                                                const struct edge_list *list, uint32_t other)
+{
+    if (!(list->seen & small_edge_bit(other)))
+        return NULL;
+    for (uint32_t i = list->first; i != 0; i = b->entries[i - 1].next)
+        if (b->entries[i - 1].other == other)
+            return &b->entries[i - 1];
+    return NULL;
 }
 
 /* The edge between two vertices; NULL: it has not been added. */
@@ -142,12 +162,9 @@ static inline struct edge_entry *small_edge_find(const struct small_builder *b, 
                                                  uint32_t v)
 {
     const uint32_t low = u < v ? u : v, high = u < v ? v : u;
-    if (!bit_is_set(b->seen, small_edge_bit(b, low, high)))
-        return NULL;
-    for (uint32_t i = b->heads[low]; i != NO_INDEX; i = b->entries[i].next)
-        if (b->entries[i].high == high)
-            return &b->entries[i];
-    return NULL;
+    const struct edge_list *list = &b->lists[low];
+    struct edge_entry *entry = edge_list_find(b, list, high);
+    return entry || !edge_list_is_full(list) ? entry : edge_list_find(b, &b->lists[high], low);
 }
 
 /* Room for so many edges in all. */
@@ -163,15 +180,15 @@ static inline enum status small_edge_add(struct small_builder *b, uint32_t u, ui
             return status;
     }
     const uint32_t low = u < v ? u : v, high = u < v ? v : u;
-    b->entries[b->entry_count] = (struct edge_entry){high, b->heads[low], owner, chain};
-    b->heads[low] = b->entry_count++;
-    bit_set(b->seen, small_edge_bit(b, low, high));
+    const bool is_hub = edge_list_is_full(&b->lists[low]);
+    struct edge_list *list = &b->lists[is_hub ? high : low];
+    const uint32_t other = is_hub ? low : high;
+    b->entries[b->entry_count++] = (struct edge_entry){other, list->first, owner, chain};
+    list->first = b->entry_count;
+    list->seen |= small_edge_bit(other);
     return STATUS_OK;
 }
 
-/* Before the first is added, of about so many. */
-enum status small_edges_take_seen(struct small_builder *builder, size_t edges) MUST_CHECK;
-void small_edges_forget(struct small_builder *builder);
 /* Takes the segments out of the chains that were given back. */
 void small_edges_drop(struct small_builder *builder);
 
@@ -181,6 +198,16 @@ void small_edges_drop(struct small_builder *builder);
 void small_chain_cut(struct small_builder *builder, uint32_t chain);
 /* Marks all its vertices. */
 void small_chain_give_back(struct small_builder *builder, uint32_t chain);
+
+/* ---- small_patches.c ---- */
+
+enum { OWNER_TAKEN = UINT32_MAX }; /* else the patch for which an edge is reserved */
+
+/* Adds a patch's faces. Its loop is there to be looked at afterwards. */
+enum status small_patch_cut(struct small_builder *builder, uint32_t patch) MUST_CHECK;
+/* Room for a loop of so many vertices; what was on it is lost when there is not. */
+enum status small_loop_reserve(struct small_builder *builder, uint32_t vertices) MUST_CHECK;
+void small_loop_release(struct small_builder *builder);
 
 /* ---- small_loss.c ---- */
 

@@ -88,6 +88,51 @@ static void join_all(struct context *ctx, struct small_mesh *parts, uint32_t cou
     assert_int_equal(whole->seam_count, 0);
 }
 
+/* Small meshes of random patches of a shape, which is freed. */
+static void check_small_meshes(struct context *ctx, struct shape *shape, unsigned round,
+                               uint64_t *random)
+{
+    struct mesh mesh;
+    struct patch_set set;
+    struct small_workspace space = {0};
+    shape_into_mesh(ctx, shape, &mesh);
+    const struct facts was = facts_of(&mesh);
+    const uint32_t blocks = 1 + (uint32_t)random_below(random, 12);
+    patch_set_build(&mesh, 1 + (uint32_t)random_below(random, 60), blocks, random_next(random),
+                    &set);
+    const double tolerance = round % 4 == 0   ? 0
+                             : round % 4 == 1 ? INFINITY
+                                              : random_unit(random) * 0.3;
+    const double given_back = round % 3 == 0 ? 0 : 0.4;
+    struct small_mesh *parts = calloc(set.block_count, sizeof *parts), whole;
+    assert_non_null(parts);
+    for (uint32_t i = 0; i < set.block_count; i++) {
+        const enum status status =
+            small_mesh_build(ctx, &space, 0, &set.blocks[i], tolerance, given_back, &parts[i]);
+        if (status != STATUS_OK)
+            fail_msg("round %u: %s", round, ctx->error);
+        if (round % 2 == 0) /* what is joined may be split or not */
+            must(small_mesh_split(ctx, 0, &parts[i]));
+        if (round % 2 == 1 && set.block_count > 1)
+            continue;
+        struct mesh part = as_mesh(ctx, &parts[i]);
+        const struct facts facts = facts_of(&part);
+        assert_true(facts_manifold(&facts));
+        mesh_clear(ctx, &part);
+    }
+    join_all(ctx, parts, set.block_count, &whole);
+    struct mesh joined = as_mesh(ctx, &whole);
+    const struct facts is = facts_of(&joined);
+    assert_true(facts_manifold(&is));
+    assert_true(facts_same_topology(&was, &is));
+    mesh_clear(ctx, &joined);
+    small_mesh_clear(ctx, 0, &whole);
+    small_workspace_clear(ctx, &space);
+    free(parts);
+    patch_set_free(&set);
+    mesh_clear(ctx, &mesh);
+}
+
 static void small_meshes_keep_the_topology(void **state)
 {
     (void)state;
@@ -96,45 +141,43 @@ static void small_meshes_keep_the_topology(void **state)
     context_init(&ctx);
     for (unsigned round = 0; round < 20 * SHAPES; round++) {
         struct shape shape = make_shape(round % SHAPES, &random);
-        struct mesh mesh;
-        struct patch_set set;
-        struct small_workspace space = {0};
-        shape_into_mesh(&ctx, &shape, &mesh);
-        const struct facts was = facts_of(&mesh);
-        const uint32_t blocks = 1 + (uint32_t)random_below(&random, 12);
-        patch_set_build(&mesh, 1 + (uint32_t)random_below(&random, 60), blocks,
-                        random_next(&random), &set);
-        const double tolerance = round % 4 == 0   ? 0
-                                 : round % 4 == 1 ? INFINITY
-                                                  : random_unit(&random) * 0.3;
-        const double given_back = round % 3 == 0 ? 0 : 0.4;
-        struct small_mesh *parts = calloc(set.block_count, sizeof *parts), whole;
-        assert_non_null(parts);
-        for (uint32_t i = 0; i < set.block_count; i++) {
-            const enum status status =
-                small_mesh_build(&ctx, &space, 0, &set.blocks[i], tolerance, given_back, &parts[i]);
-            if (status != STATUS_OK)
-                fail_msg("round %u: %s", round, ctx.error);
-            if (round % 2 == 0) /* what is joined may be split or not */
-                must(small_mesh_split(&ctx, 0, &parts[i]));
-            if (round % 2 == 1 && set.block_count > 1)
-                continue;
-            struct mesh part = as_mesh(&ctx, &parts[i]);
-            const struct facts facts = facts_of(&part);
-            assert_true(facts_manifold(&facts));
-            mesh_clear(&ctx, &part);
+        check_small_meshes(&ctx, &shape, round, &random);
+    }
+    assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+}
+
+/* Rings round a vertex at which more edges meet than a list of edges has bits. */
+static struct shape shape_hub(unsigned around, unsigned rings)
+{
+    struct shape shape = {0};
+    const uint32_t hub = shape_vertex(&shape, 0, 0, 1);
+    for (unsigned ring = 0; ring < rings; ring++)
+        for (unsigned i = 0; i < around; i++) {
+            const double angle = 2 * acos(-1) * i / around, radius = ring + 1;
+            shape_vertex(&shape, radius * cos(angle), radius * sin(angle), i % 2 ? -0.3 : 0);
         }
-        join_all(&ctx, parts, set.block_count, &whole);
-        struct mesh joined = as_mesh(&ctx, &whole);
-        const struct facts is = facts_of(&joined);
-        assert_true(facts_manifold(&is));
-        assert_true(facts_same_topology(&was, &is));
-        mesh_clear(&ctx, &joined);
-        small_mesh_clear(&ctx, 0, &whole);
-        small_workspace_clear(&ctx, &space);
-        free(parts);
-        patch_set_free(&set);
-        mesh_clear(&ctx, &mesh);
+    for (unsigned i = 0; i < around; i++) {
+        const uint32_t a = hub + 1 + i, b = hub + 1 + (i + 1) % around;
+        shape_triangle(&shape, hub, a, b);
+        for (unsigned ring = 1; ring < rings; ring++) {
+            const uint32_t in = (ring - 1) * around, out = ring * around;
+            shape_triangle(&shape, a + in, a + out, b + out);
+            shape_triangle(&shape, a + in, b + out, b + in);
+        }
+    }
+    return shape;
+}
+
+static void hubs_keep_the_topology(void **state)
+{
+    (void)state;
+    uint64_t random = 8;
+    struct context ctx;
+    context_init(&ctx);
+    for (unsigned round = 0; round < 12; round++) {
+        struct shape shape = shape_hub(400, 3);
+        check_small_meshes(&ctx, &shape, round, &random);
     }
     assert_int_equal(ctx.memory_now, 0);
     context_clear(&ctx);
@@ -359,6 +402,7 @@ int main(void)
     const struct CMUnitTest tests[] = {cmocka_unit_test(what_is_held_or_flat_stays),
                                        cmocka_unit_test(bulges_are_given_back),
                                        cmocka_unit_test(small_meshes_keep_the_topology),
+                                       cmocka_unit_test(hubs_keep_the_topology),
                                        cmocka_unit_test(levels_keep_the_topology),
                                        cmocka_unit_test(levels_do_not_depend_on_company)};
     return cmocka_run_group_tests(tests, NULL, NULL);
