@@ -327,7 +327,7 @@ void memory_release_front(struct context *ctx, void *inout, size_t *bytes, size_
         return;
     const size_t whole = pages + (is_all ? guard_bytes() : 0);
     ASAN_UNPOISON_MEMORY_REGION(block, whole);
-    munmap(block, whole);
+    spare_maps_put(&ctx->spares, block, whole);
     account_remove(ctx, pages);
     *bytes = is_all ? 0 : *bytes - pages;
     set_pointer(inout, is_all ? NULL : block + pages);

@@ -38,9 +38,9 @@ void memory_use_whole(void *block, size_t count, size_t size);
 /* Releases *inout (which may be NULL) and sets it to NULL. */
 void memory_release(struct context *ctx, void *inout, size_t count, size_t size);
 
-/* Returns whole pages of the first `front` bytes of a large block of *bytes bytes to the system,
- * kept for nobody: *inout and *bytes are then what is left, a block like any other. Nothing is
- * returned where what is left would be no large block; all of it where `front` is all. */
+/* Releases whole pages of the first `front` bytes of a large block of *bytes bytes: *inout and
+ * *bytes are then what is left, a block like any other. Nothing is released where what is left
+ * would be no large block; all of it where `front` is all. */
 void memory_release_front(struct context *ctx, void *inout, size_t *bytes, size_t front);
 
 /*

@@ -15,10 +15,10 @@
  */
 #include "simplify/seam_internal.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
+#include "mesh/draft.h"
 
 /* Step 2: something that ends at a vertex. */
 struct vertex_end {
@@ -172,7 +172,10 @@ static enum status add_edge_ends(struct seam_join *join, const struct seam_edge 
 static enum status match_edges(struct seam_join *join)
 {
     struct cursor cursor;
-    enum status status = cursor_open(join->edges, sizeof(struct seam_edge), &cursor);
+    enum status status =
+        sorter_expect(join->ends, sorter_count(join->ends) + sorter_count(join->edges));
+    if (!status)
+        status = cursor_open(join->edges, sizeof(struct seam_edge), &cursor);
     while (!status) {
         const void *record;
         status = cursor_next(&cursor, &record);
@@ -309,12 +312,16 @@ enum status seam_join_link(struct seam_join *join, struct seam_counts *counts)
         status = sorter_open(join->ctx, sizeof(struct pair_edge), 2 * sizeof(uint64_t),
                              join->sorter_limit, join->beside, &join->pairs);
     if (!status)
+        status = sorter_expect(join->pairs, sorter_count(join->ends) / 2);
+    if (!status)
         status = find_junctions(join, counts);
     if (!status)
         status = sorter_open(join->ctx, sizeof(struct chain_vertex), 2 * sizeof(uint64_t),
                              join->sorter_limit, join->beside, &join->chains);
-    if (!status)
+    if (!status) {
+        sorter_comes_ordered(join->chains, 63); /* by place; but for the patches */
         status = link_pairs(join, counts);
+    }
     if (!status)
         status = sorter_finish(join->chains);
     return status;
@@ -322,23 +329,15 @@ enum status seam_join_link(struct seam_join *join, struct seam_counts *counts)
 
 /* ---- step 4: what each block gets ---- */
 
-static int compare_vertex(const void *key, const void *element)
-{
-    uint32_t a = *(const uint32_t *)key, b = *(const uint32_t *)element;
-    return a < b ? -1 : a > b;
-}
-
 enum status seam_find_vertex(struct seam_join *join, uint32_t slab, uint32_t vertex,
                              uint32_t *place)
 {
     const struct slab_part *part = join->parts + slab;
     const uint32_t *first = join->vertices + part->vertex_offset;
-    const uint32_t *found =
-        bsearch(&vertex, first, part->vertex_count, sizeof vertex, compare_vertex);
-    if (!found)
+    *place = foreign_rank(first, part->vertex_count, vertex);
+    if (*place == part->vertex_count || first[*place] != vertex)
         return fail(join->ctx, STATUS_BAD_INPUT,
                     "mesh store: vertex %u is not on a seam of slab %u", vertex, slab);
-    *place = (uint32_t)(found - first);
     return STATUS_OK;
 }
 

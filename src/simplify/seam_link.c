@@ -11,7 +11,7 @@
 #include "base/memory.h"
 
 /* Adds the chain over the `count` vertices in join->list, which is walked with `edge->left` on its
- * left, to both its slabs. */
+ * left, to both its slabs; in the order of places, for the sorter. */
 static enum status add_chain(struct seam_join *join, const struct pair_edge *edge, size_t count)
 {
     if (count >> PLACE_SHIFT)
@@ -27,8 +27,8 @@ static enum status add_chain(struct seam_join *join, const struct pair_edge *edg
              .other_patch = (uint32_t)edge->right,
              .count = (uint32_t)count},
             {.side = edge->right,
-             .place = first_place + (count - 1 - i),
-             .vertex = join->list[i],
+             .place = first_place + i,
+             .vertex = join->list[count - 1 - i],
              .other_slab = (uint32_t)(edge->left >> 32),
              .other_patch = (uint32_t)edge->left,
              .count = (uint32_t)count},
