@@ -13,10 +13,30 @@
 #include "base/forest.h"
 #include "base/memory.h"
 
-/* What is said of an own vertex: its component + 1, or one of these. */
-enum { UNKNOWN = 0, SHARED = 1 << 30 };
+/* What is said of an own vertex: its component, or one of these. */
+#define UNKNOWN UINT32_C(0)
+#define SHARED UINT32_MAX
+
+/*
+ * A component is said in CODE_BITS bits and the same turned over. So of two neither has all bits of
+ * the other, and what several vertices say together, by `or`, is a component if and only if some
+ * say it and the others nothing. Those whose number has no room are said as it is, with IS_PLAIN.
+ */
+enum { CODE_BITS = 15, CODES = 1 << CODE_BITS };
+#define IS_PLAIN (UINT32_C(1) << 31)
 
 enum { RUN = 64 }; /* faces looked at together */
+
+static inline uint32_t saying_of(uint32_t component)
+{
+    return component < CODES ? component | (~component & (CODES - 1)) << CODE_BITS
+                             : component | IS_PLAIN;
+}
+
+static inline uint32_t said_component(uint32_t saying)
+{
+    return saying & IS_PLAIN ? saying & ~IS_PLAIN : saying & (CODES - 1);
+}
 
 enum status surveyor_begin_component(struct surveyor *s, uint32_t i)
 {
@@ -42,17 +62,20 @@ static enum status enter_face(struct surveyor *s, uint32_t i, const uint32_t *sa
                               unsigned count, uint32_t *saying)
 {
     uint32_t least = UINT32_MAX;
-    for (unsigned k = 0; k < count; k++)
-        least = sayings[k] - 1 < least ? sayings[k] - 1 : least; /* of UNKNOWN: UINT32_MAX */
+    for (unsigned k = 0; k < count; k++) {
+        const uint32_t component = said_component(sayings[k]);
+        if (sayings[k] != UNKNOWN && component < least)
+            least = component;
+    }
     if (least == UINT32_MAX) {
-        *saying = s->components.count + 1;
+        *saying = saying_of(s->components.count);
         return surveyor_begin_component(s, i);
     }
-    *saying = least + 1;
+    *saying = saying_of(least);
     s->marks[i] = least << CORNER_BITS;
     for (unsigned k = 0; k < count; k++)
         if (sayings[k] != UNKNOWN && sayings[k] != *saying)
-            forest_join(s->joined, least, sayings[k] - 1);
+            forest_join(s->joined, least, said_component(sayings[k]));
     return STATUS_OK;
 }
 
@@ -79,7 +102,7 @@ static enum status enter_rim_face(const struct draft *draft, struct surveyor *s,
             alone[alone_count++] = &s->said[own];
         }
         if (there < i)
-            sayings[3 + k] = (s->marks[there] >> CORNER_BITS) + 1;
+            sayings[3 + k] = saying_of(s->marks[there] >> CORNER_BITS);
     }
     enum status status = enter_face(s, i, sayings, 6, &saying);
     for (unsigned k = 0; k < alone_count; k++)
@@ -87,30 +110,21 @@ static enum status enter_rim_face(const struct draft *draft, struct surveyor *s,
     return status;
 }
 
-/* All vertices of which something is said say the same. */
-static inline bool is_agreed(uint32_t a, uint32_t b, uint32_t c, uint32_t *saying)
-{
-    uint32_t least = a - 1 < b - 1 ? a - 1 : b - 1, most = a > b ? a : b; /* of UNKNOWN: the end */
-    least = c - 1 < least ? c - 1 : least;
-    most = c > most ? c : most;
-    *saying = most;
-    return (most - 1 == least) & (most != UNKNOWN);
-}
-
-/* From face i on, as long as faces have no shared vertex and their old ones agree: most do, so that
- * the question is guessed right. Returns the first that is not so. */
+/* From face i on, as long as the vertices of each together say `saying`: most do, so that the
+ * questions are guessed right. Returns the first that is not so. */
 static inline uint32_t enter_agreed(const uint32_t *faces, uint32_t i,
-                                    const struct slab_scope *scope, uint32_t *said, uint32_t *marks)
+                                    const struct slab_scope *scope, uint32_t *said, uint32_t *marks,
+                                    uint32_t saying)
 {
     const uint32_t first = scope->vertex_first, own = scope->own_count, count = scope->face_count;
-    for (; i < count; i++) {
-        const uint32_t *face = faces + 3 * (size_t)i;
+    const uint32_t mark = said_component(saying) << CORNER_BITS;
+    if (saying & IS_PLAIN)
+        return i;
+    for (const uint32_t *face = faces + 3 * (size_t)i; i < count; i++, face += 3) {
         const uint32_t a = face[0] - first, b = face[1] - first, c = face[2] - first;
-        uint32_t saying;
-        if (!((a < own) & (b < own) & (c < own)) ||
-            !is_agreed(said[a], said[b], said[c], &saying) || saying == SHARED)
+        if (a >= own || b >= own || c >= own || (said[a] | said[b] | said[c]) != saying)
             break;
-        marks[i] = (saying - 1) << CORNER_BITS;
+        marks[i] = mark;
         said[a] = said[b] = said[c] = saying;
     }
     return i;
@@ -130,9 +144,10 @@ static enum status enter_faces(const struct draft *draft, struct surveyor *s)
 {
     const struct slab_scope *scope = s->scope;
     const uint32_t *faces = draft->faces + 3 * (size_t)scope->face_first;
+    uint32_t saying = IS_PLAIN; /* of the last face with no shared vertex */
     enum status status = STATUS_OK;
     for (uint32_t i = 0; status == STATUS_OK; i++) {
-        i = enter_agreed(faces, i, scope, s->said, s->marks);
+        i = enter_agreed(faces, i, scope, s->said, s->marks, saying);
         if (i >= scope->face_count)
             break;
         const uint32_t *face = faces + 3 * (size_t)i;
@@ -140,7 +155,7 @@ static enum status enter_faces(const struct draft *draft, struct surveyor *s)
             status = enter_rim_face(draft, s, i);
             continue;
         }
-        uint32_t *said[3], sayings[3], saying;
+        uint32_t *said[3], sayings[3];
         for (unsigned k = 0; k < 3; k++) {
             said[k] = &s->said[face[k] - scope->vertex_first];
             sayings[k] = *said[k];
@@ -173,25 +188,37 @@ static void silence_vertices(const struct draft *draft, struct surveyor *s)
     }
 }
 
-/* Edges over which the slab ends. */
-static void note_ends(const struct draft *draft, struct surveyor *s)
+static struct component *component_at(const struct surveyor *s, uint32_t i)
+{
+    return &s->components.list[s->marks[i] >> CORNER_BITS];
+}
+
+/* Edges over which another slab goes on: their ends are shared. */
+static void note_seams(const struct draft *draft, struct surveyor *s)
 {
     const uint32_t first = s->scope->face_first, count = s->scope->face_count;
-    const uint32_t *over = draft->neighbours + 3 * (size_t)first;
+    for (uint32_t at = 0; at < s->rim_face_count; at++) {
+        const uint32_t i = s->rim_faces[at];
+        const uint32_t *over = draft->neighbours + 3 * ((size_t)first + i);
+        for (unsigned k = 0; k < 3; k++)
+            if (over[k] - first >= count && over[k] != NO_INDEX)
+                component_at(s, i)->open_id = 0;
+    }
+}
+
+/* Edges over which nothing is: nearly all runs of faces have none, as vectors tell at once. */
+static void note_borders(const struct draft *draft, struct surveyor *s)
+{
+    const uint32_t count = s->scope->face_count;
+    const uint32_t *over = draft->neighbours + 3 * (size_t)s->scope->face_first;
     for (uint32_t i = 0; i < count; i += RUN) {
         const uint32_t begin = 3 * i, end = 3 * (count - i < RUN ? count : i + RUN);
         uint32_t any = 0;
         for (uint32_t e = begin; e < end; e++)
-            any |= over[e] - first >= count;
-        for (uint32_t e = begin; e < end && any; e++) {
-            if (over[e] - first < count)
-                continue;
-            struct component *component = &s->components.list[s->marks[e / 3] >> CORNER_BITS];
+            any |= over[e] == NO_INDEX;
+        for (uint32_t e = begin; e < end && any; e++)
             if (over[e] == NO_INDEX)
-                component->borders++;
-            else
-                component->open_id = 0;
-        }
+                component_at(s, e / 3)->borders++;
     }
 }
 
@@ -237,7 +264,8 @@ enum status plain_components(const struct draft *draft, struct surveyor *s)
     status = enter_faces(draft, s);
     if (status != STATUS_OK)
         return status;
-    note_ends(draft, s);
+    note_seams(draft, s);
+    note_borders(draft, s);
     count_members(draft, s);
     return STATUS_OK;
 }
