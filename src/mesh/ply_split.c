@@ -1,11 +1,12 @@
 /*
- * Rows of one size, read and converted by several threads.
+ * Rows of one size, read and converted by all threads.
  *
  * A stream gives its bytes to one reader, and reading is then the longest part of an import that
  * only one thread can do. Of a plain file whose rows have one size it is known where each lies: so
  * each batch is a job, which reads its own bytes, sums them and converts them, and batches are
  * handed on in their order. Whatever is not as expected (a polygon, a coordinate that is not
- * finite, a file that ends early) is left to the reader of the stream, which says so in words.
+ * finite, a file that ends early) is left to the reader of the stream, which says so in words. One
+ * thread does the same, batch by batch: its bytes then come into memory that stays in its cache.
  */
 #include "mesh/ply_body.h"
 
@@ -92,8 +93,6 @@ enum status ply_read_split(const struct ply_split *split)
     struct ply *ply = split->ply;
     struct splitting s = {.split = split, .ctx = ply->ctx};
     uint64_t end;
-    if (ply->ctx->threads < 2)
-        return STATUS_OK;
     text_leave(&ply->text);
     if (!instream_range(ply->text.stream, &s.fd, &s.position, &end) || end < s.position)
         return STATUS_OK;
