@@ -117,52 +117,75 @@ static void add_noise(const struct draft *draft, const struct slab_scope *scope,
 
 /* ---- areas and edges ---- */
 
-/* Squares of some faces, whose roots are taken together: a root at a time waits for the one before,
- * and what is put together for a vector just then waits for its stores. */
-enum { ROOTS = 32 /* a multiple of GROUP */, GROUP = 4 };
+/*
+ * Roots are taken of four squares at a time, and each addition to a sum waits for the one before
+ * it. So squares of some faces are put down; and while those of the next are found, the roots of
+ * these are taken and added, an equal share with each group of faces, which then costs hardly any
+ * time.
+ */
+enum { GROUP = 4, SHARES = 8, ROOTS = GROUP * SHARES };
 
 struct squares {
-    double areas[ROOTS]; /* of the cross products, a face */
-    double edges[3 * ROOTS + 3];
-    uint32_t face_count;
-    uint32_t edge_count;
+    double areas[ROOTS];               /* of the cross products, a face */
+    double edges[3 * ROOTS + GROUP];   /* a group is written beyond */
+    uint32_t face_count, edge_count;   /* behind both are zeros, up to a whole group */
+    uint32_t faces_added, edges_added; /* to the sums */
+    uint32_t edge_share;
 };
 
 struct measuring { /* of one slab */
     const struct draft *draft;
     const struct slab_scope *scope;
     const float *own, *foreign;
-    uint32_t last_own; /* the number of own vertices less 1, or 0 */
-    struct squares squares;
+    uint32_t last_own;         /* the number of own vertices less 1, or 0 */
+    struct squares squares[2]; /* being found, and being added */
+    struct squares *found, *added;
     struct slab_measures sums;
 };
 
-LANES_INLINE void take_roots(double *values, uint32_t count)
+/* The sum and the roots of some squares, one after the other, scaled by a power of two. */
+LANES_INLINE double add_roots(double sum, const double *squares, double scale)
 {
-    for (uint32_t i = 0; i < count; i++)
-        values[i] = sqrt(values[i]);
+    double4 roots;
+    memcpy(&roots, squares, sizeof roots);
+    for (unsigned i = 0; i < GROUP; i++)
+        roots[i] = sqrt(roots[i]);
+    roots *= scale;
+    for (unsigned i = 0; i < GROUP; i++)
+        sum += roots[i];
+    return sum;
 }
 
-LANES_INLINE void sum_roots(struct squares *squares, struct slab_measures *measures)
+LANES_INLINE void add_share(struct measuring *m)
 {
-    take_roots(squares->areas, squares->face_count);
-    take_roots(squares->edges, squares->edge_count);
-    /* Side by side as far as both go: each addition waits for the one before it in its own sum. */
-    double area = measures->area, length = measures->edge_length;
-    const uint32_t faces = squares->face_count, edges = squares->edge_count;
-    uint32_t i = 0;
-    for (; i < faces && i < edges; i++) {
-        area += squares->areas[i] / 2;
-        length += squares->edges[i];
+    struct squares *s = m->added;
+    if (s->faces_added < s->face_count) {
+        m->sums.area = add_roots(m->sums.area, s->areas + s->faces_added, 0.5);
+        s->faces_added += GROUP;
     }
-    for (uint32_t j = i; j < faces; j++)
-        area += squares->areas[j] / 2;
-    for (; i < edges; i++)
-        length += squares->edges[i];
-    measures->area = area;
-    measures->edge_length = length;
-    measures->edge_count += squares->edge_count;
-    squares->face_count = squares->edge_count = 0;
+    double length = m->sums.edge_length;
+    const uint32_t left = s->edge_count - s->edges_added;
+    const uint32_t end = s->edges_added + (left < s->edge_share ? left : s->edge_share);
+    for (; s->edges_added < end; s->edges_added += GROUP)
+        length = add_roots(length, s->edges + s->edges_added, 1);
+    m->sums.edge_length = length;
+}
+
+/* What has been found is what is to be added. */
+LANES_INLINE void turn_over(struct measuring *m)
+{
+    struct squares *s = m->found;
+    const double none[GROUP] = {0};
+    m->sums.edge_count += s->edge_count;
+    for (; s->face_count % GROUP; s->face_count++)
+        s->areas[s->face_count] = 0;
+    memcpy(s->edges + s->edge_count, none, sizeof none);
+    s->edge_count = (s->edge_count + GROUP - 1) / GROUP * GROUP;
+    s->edge_share = (s->edge_count / GROUP + SHARES - 1) / SHARES * GROUP;
+    s->faces_added = s->edges_added = 0;
+    m->found = m->added;
+    m->added = s;
+    m->found->face_count = m->found->edge_count = 0;
 }
 
 /* Four floats from where a position lies, but for the last one of the slab's own, which may have
@@ -215,7 +238,7 @@ LANES_INLINE void put_edge(struct squares *squares, double square, uint32_t over
 /* Faces first to first + 3 of the draft. */
 LANES_INLINE void measure_four(struct measuring *m, size_t first)
 {
-    struct squares *squares = &m->squares;
+    struct squares *squares = m->found;
     double4 p[3][3], along[3][3], cross[3];
     double edges[3][GROUP];
     for (unsigned k = 0; k < 3; k++)
@@ -245,7 +268,7 @@ LANES_INLINE void measure_four(struct measuring *m, size_t first)
 /* The same for one face. */
 static void measure_face(struct measuring *m, size_t f)
 {
-    struct squares *squares = &m->squares;
+    struct squares *squares = m->found;
     const uint32_t *face = m->draft->faces + 3 * f, *over = m->draft->neighbours + 3 * f;
     struct vec3 p[3], along[3];
     for (int k = 0; k < 3; k++)
@@ -269,11 +292,14 @@ LANES_INLINE void measure_all(struct measuring *m)
     uint32_t i = 0, sample = 0; /* the next for the noise, looked at with its neighbours at hand */
     for (; i + GROUP <= count; i += GROUP) {
         measure_four(m, first + i);
-        if (m->squares.face_count == ROOTS)
-            sum_roots(&m->squares, &m->sums);
+        add_share(m);
+        if (m->found->face_count == ROOTS)
+            turn_over(m);
         for (; sample < i + GROUP; sample += spacing)
             add_noise(m->draft, m->scope, m->own, m->foreign, (uint32_t)first + sample, &m->sums);
     }
+    for (unsigned share = 0; share < SHARES; share++)
+        add_share(m);
     for (; i < count; i++) {
         measure_face(m, first + i);
         if (i == sample) {
@@ -281,7 +307,9 @@ LANES_INLINE void measure_all(struct measuring *m)
             sample += spacing;
         }
     }
-    sum_roots(&m->squares, &m->sums);
+    turn_over(m);
+    for (unsigned share = 0; share < SHARES; share++)
+        add_share(m);
 }
 
 static void measure_all_scalar(struct measuring *m)
@@ -302,6 +330,8 @@ void measure_slab(const struct draft *draft, const struct slab_scope *scope, con
                           .own = own,
                           .foreign = foreign,
                           .last_own = scope->own_count ? scope->own_count - 1 : 0};
+    m.found = &m.squares[0];
+    m.added = &m.squares[1];
     if (cpu_level(draft->ctx) >= CPU_AVX2)
         measure_all_avx2(&m);
     else
