@@ -47,38 +47,47 @@ struct slab_edges { /* the slab in work, for the inner loops */
     uint32_t face_first;
 };
 
-/* A filed corner: face of the slab << 2 | corner. */
-static inline uint32_t corner_face(uint32_t corner)
+/*
+ * A filed corner has all that is asked of it, so that nobody goes back to the faces: its place
+ * (face of the slab << 2 | corner), and the numbers within the slab of the vertices at the other
+ * ends of the edges that leave and come in.
+ */
+enum {
+    FIELD = SLAB_MATCH_FIELD,
+    FIELD_MASK = (1 << FIELD) - 1,
+    PLACE_AT = FIELD,
+    PREVIOUS_AT = 2 * FIELD
+};
+_Static_assert(SLAB_SHIFT_MAX + 2 <= FIELD, "a place, or a vertex of three a face, fits a field");
+
+static inline uint32_t corner_next(filed_corner corner)
 {
-    return corner >> 2;
+    return (uint32_t)corner & FIELD_MASK;
 }
 
-static inline unsigned corner_place(uint32_t corner)
+static inline uint32_t corner_previous(filed_corner corner)
 {
-    return corner & 3;
+    return (uint32_t)(corner >> PREVIOUS_AT);
+}
+
+static inline uint32_t corner_face(filed_corner corner)
+{
+    return (uint32_t)(corner >> (PLACE_AT + 2)) & (FIELD_MASK >> 2);
+}
+
+static inline unsigned corner_place(filed_corner corner)
+{
+    return (unsigned)(corner >> PLACE_AT) & 3;
 }
 
 /* Its place among those of all faces, three each. */
-static inline size_t corner_index(uint32_t corner)
+static inline size_t corner_index(filed_corner corner)
 {
-    return corner - (corner >> 2);
-}
-
-/* The vertices at the other ends of the edges that leave and come in. */
-static inline uint32_t corner_next(const struct slab_edges *s, uint32_t corner)
-{
-    static const int8_t step[4] = {1, 1, -2, 0};
-    return s->faces[(ptrdiff_t)corner_index(corner) + step[corner_place(corner)]];
-}
-
-static inline uint32_t corner_previous(const struct slab_edges *s, uint32_t corner)
-{
-    static const int8_t step[4] = {2, -1, -1, 0};
-    return s->faces[(ptrdiff_t)corner_index(corner) + step[corner_place(corner)]];
+    return 3 * (size_t)corner_face(corner) + corner_place(corner);
 }
 
 /* The edge that comes in. */
-static inline unsigned edge_into(uint32_t corner)
+static inline unsigned edge_into(filed_corner corner)
 {
     return previous3(corner_place(corner));
 }
@@ -89,7 +98,8 @@ static void file_corners(const struct slab_edges *s, struct slab_matcher *m)
 {
     const struct slab_scope *scope = &m->scope;
     const uint32_t locals = scope_local_count(scope), faces = scope->face_count;
-    uint32_t *end = m->end, *corners = m->corners;
+    uint32_t *end = m->end;
+    filed_corner *corners = m->corners;
     memset(end, 0, (size_t)locals * sizeof *end);
     for (size_t c = 0; c < 3 * (size_t)faces; c++)
         end[scope_local(scope, s->faces[c])]++;
@@ -99,9 +109,15 @@ static void file_corners(const struct slab_edges *s, struct slab_matcher *m)
         end[v] = begin;
         begin += count;
     }
-    for (uint32_t f = 0; f < faces; f++)
-        for (unsigned k = 0; k < 3; k++)
-            corners[end[scope_local(scope, s->faces[3 * (size_t)f + k])]++] = f << 2 | k;
+    for (size_t f = 0; f < faces; f++) {
+        const uint32_t *face = s->faces + 3 * f;
+        const filed_corner a = scope_local(scope, face[0]), b = scope_local(scope, face[1]);
+        const filed_corner c = scope_local(scope, face[2]), one = 1;
+        const filed_corner place = (filed_corner)f << (PLACE_AT + 2);
+        corners[end[a]++] = place | b | c << PREVIOUS_AT;
+        corners[end[b]++] = (place + (one << PLACE_AT)) | c | a << PREVIOUS_AT;
+        corners[end[c]++] = (place + (one << (PLACE_AT + 1))) | a | b << PREVIOUS_AT;
+    }
     memset(corners + begin, 0, FEW * sizeof *corners); /* looked at for nothing */
 }
 
@@ -127,21 +143,22 @@ static inline bool is_circle(uint64_t next, uint32_t count)
 /* False, and neighbours and mates are to be entered otherwise, unless all faces, 3 to FEW, follow
  * one another in a circle. */
 static inline bool match_few(const struct slab_edges *s, struct slab_matcher *m,
-                             const uint32_t *corners, uint32_t count)
+                             const filed_corner *corners, uint32_t count)
 {
     /* of an edge that leaves at 4 * place what comes in at a place */
     static const uint8_t mates[12] = {2, 0, 1, 0, 8, 0, 4, 0, 32, 0, 16, 0};
     uint64_t circle = 0;
     uint32_t differs = 0, beyond = 0; /* negative if what was found is of another vertex */
     for (uint32_t i = 0; i < count; i++) {
-        const uint32_t previous = corner_previous(s, corners[i]);
+        const uint32_t previous = corner_previous(corners[i]);
         m->previous[i] = previous;
         m->table[table_place(previous)] = (uint8_t)i;
     }
     for (uint32_t i = count; i-- > 0;) {
-        const uint32_t here = corners[i], next = corner_next(s, here);
+        const filed_corner here = corners[i];
+        const uint32_t next = corner_next(here);
         const uint8_t j = m->table[table_place(next)];
-        const uint32_t there = corners[j];
+        const filed_corner there = corners[j];
         differs |= next ^ m->previous[j];
         circle = circle << 4 | j;
         beyond |= count - 1 - j;
@@ -155,7 +172,8 @@ static inline bool match_few(const struct slab_edges *s, struct slab_matcher *m,
 
 enum { SEVEN = 7 };
 
-#if defined(__x86_64__)
+#if defined(__x86_64__) && SPBM_SLAB_SHIFT_MAX <= 18
+enum { HAS_SEVEN = 1 };
 
 /* Whether going from lane 0 on passes `count` lanes, up to seven, and comes back: where 0 to 7
  * steps lead is found by doubling. */
@@ -172,43 +190,53 @@ LANES_AVX2 static inline bool is_circle_of_lanes(__m256i next, uint32_t count)
     return (begins & ((2u << count) - 1)) == (1u | 1u << count);
 }
 
-/* False, and nothing is entered, unless all faces, 3 to SEVEN, follow one another in a circle. The
+/* The lane that has each lane's `next` as its `previous`; if none or several do, any. */
+LANES_AVX2 static inline __m256i find_lanes(__m256i next, __m256i previous)
+{
+    const __m256i lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    __m256i which = _mm256_setzero_si256();
+    for (int turn = 1; turn < LANES; turn++) { /* no face follows itself */
+        const __m256i from = _mm256_and_si256(_mm256_add_epi32(lanes, _mm256_set1_epi32(turn)),
+                                              _mm256_set1_epi32(LANES - 1));
+        const __m256i is_it = _mm256_cmpeq_epi32(next, _mm256_permutevar8x32_epi32(previous, from));
+        which = _mm256_or_si256(which, _mm256_and_si256(is_it, from));
+    }
+    return which;
+}
+
+/*
+ * False, and nothing is entered, unless all faces, 3 to SEVEN, follow one another in a circle. The
  * lanes beyond are corners of the next vertices, of which there are so many at least: what is
- * entered for them is wrong, and will be made right when these are matched. */
-LANES_AVX2 static inline bool match_seven(const struct slab_edges *s, const uint32_t *corners,
+ * entered for them is wrong, and will be made right when these are matched.
+ *
+ * If each lane leads to one that is right, and going from one to the next passes all, then no two
+ * have the same previous vertex: all that look for it would go to one lane, nobody to the other.
+ */
+LANES_AVX2 static inline bool match_seven(const struct slab_edges *s, const filed_corner *corners,
                                           uint32_t count)
 {
     const __m256i zero = _mm256_setzero_si256(), one = _mm256_set1_epi32(1);
     const __m256i three = _mm256_set1_epi32(3), lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
     const __m256i beyond = _mm256_cmpgt_epi32(lanes, _mm256_set1_epi32((int)count - 1));
-    const __m256i here = _mm256_loadu_si256((const __m256i *)(const void *)corners);
-    const __m256i face = _mm256_srli_epi32(here, 2), place = _mm256_and_si256(here, three);
-    const __m256i index = _mm256_sub_epi32(here, face);
-    const __m256i is_first = _mm256_cmpeq_epi32(place, zero);
-    const __m256i is_last = _mm256_cmpeq_epi32(place, _mm256_set1_epi32(2));
-    const __m256i next_index =
-        _mm256_sub_epi32(_mm256_add_epi32(index, one), _mm256_and_si256(is_last, three));
-    const __m256i previous_index =
-        _mm256_add_epi32(_mm256_sub_epi32(index, one), _mm256_and_si256(is_first, three));
-    const int *faces = (const int *)(const void *)s->faces;
-    const __m256i next = _mm256_i32gather_epi32(faces, next_index, 4);
-    const __m256i previous =
-        _mm256_or_si256(_mm256_i32gather_epi32(faces, previous_index, 4), beyond);
+    const __m256 four = _mm256_loadu_ps((const float *)(const void *)corners);
+    const __m256 rest = _mm256_loadu_ps((const float *)(const void *)(corners + LANES / 2));
+    const __m256i low =
+        _mm256_permute4x64_epi64(_mm256_castps_si256(_mm256_shuffle_ps(four, rest, 0x88)), 0xd8);
+    const __m256i high =
+        _mm256_permute4x64_epi64(_mm256_castps_si256(_mm256_shuffle_ps(four, rest, 0xdd)), 0xd8);
+    const __m256i next = _mm256_and_si256(low, _mm256_set1_epi32(FIELD_MASK));
+    const __m256i previous = _mm256_or_si256(_mm256_srli_epi32(high, PREVIOUS_AT - 32), beyond);
+    const __m256i here = _mm256_or_si256(
+        _mm256_srli_epi32(low, PLACE_AT),
+        _mm256_and_si256(_mm256_slli_epi32(high, 32 - PLACE_AT), _mm256_set1_epi32(FIELD_MASK)));
 
-    /* No face follows itself. */
-    __m256i found = zero, which = zero;
-    for (int turn = 1; turn < LANES; turn++) {
-        const __m256i from = _mm256_and_si256(_mm256_add_epi32(lanes, _mm256_set1_epi32(turn)),
-                                              _mm256_set1_epi32(LANES - 1));
-        const __m256i is_it = _mm256_cmpeq_epi32(next, _mm256_permutevar8x32_epi32(previous, from));
-        found = _mm256_sub_epi32(found, is_it);
-        which = _mm256_or_si256(which, _mm256_and_si256(is_it, from));
-    }
-    const __m256i is_right = _mm256_or_si256(_mm256_cmpeq_epi32(found, one), beyond);
-    if (_mm256_movemask_ps(_mm256_castsi256_ps(is_right)) != 0xff ||
-        !is_circle_of_lanes(which, count))
+    const __m256i which = find_lanes(next, previous);
+    const __m256i is_right = _mm256_or_si256(
+        _mm256_cmpeq_epi32(_mm256_permutevar8x32_epi32(previous, which), next), beyond);
+    if (_mm256_movemask_epi8(is_right) != -1 || !is_circle_of_lanes(which, count))
         return false;
 
+    const __m256i face = _mm256_srli_epi32(here, 2), place = _mm256_and_si256(here, three);
     const __m256i there = _mm256_permutevar8x32_epi32(here, which);
     const __m256i there_place = _mm256_and_si256(there, three);
     const __m256i mate =
@@ -218,24 +246,25 @@ LANES_AVX2 static inline bool match_seven(const struct slab_edges *s, const uint
         _mm256_andnot_si256(beyond, _mm256_sllv_epi32(mate, _mm256_add_epi32(place, place)));
     const __m256i over =
         _mm256_add_epi32(_mm256_srli_epi32(there, 2), _mm256_set1_epi32((int)s->face_first));
-    const __m256i packed = _mm256_shuffle_epi8(mates, _mm256_set1_epi32(0x0c080400));
-    const uint64_t low = (uint32_t)_mm_cvtsi128_si32(_mm256_castsi256_si128(packed));
-    const uint64_t high = (uint32_t)_mm_cvtsi128_si32(_mm256_extracti128_si256(packed, 1));
-    const uint64_t bytes = high << 32 | low; /* of mates */
-    uint32_t lane[LANES];
-    _mm256_storeu_si256((__m256i *)(void *)lane, over);
+    uint32_t at[LANES], faces[LANES], overs[LANES], mates_of[LANES];
+    _mm256_storeu_si256((__m256i *)(void *)at, _mm256_sub_epi32(here, face));
+    _mm256_storeu_si256((__m256i *)(void *)faces, face);
+    _mm256_storeu_si256((__m256i *)(void *)overs, over);
+    _mm256_storeu_si256((__m256i *)(void *)mates_of, mates);
     uint32_t *neighbours = s->neighbours;
     uint8_t *all_mates = s->mates;
     for (unsigned i = 0; i < LANES; i++) {
-        neighbours[corner_index(corners[i])] = lane[i];
-        all_mates[corner_face(corners[i])] |= (uint8_t)(bytes >> 8 * i);
+        neighbours[at[i]] = overs[i];
+        all_mates[faces[i]] |= (uint8_t)mates_of[i];
     }
     return true;
 }
 
 #else
+enum { HAS_SEVEN = 0 };
 
-static inline bool match_seven(const struct slab_edges *s, const uint32_t *corners, uint32_t count)
+static inline bool match_seven(const struct slab_edges *s, const filed_corner *corners,
+                               uint32_t count)
 {
     (void)s, (void)corners, (void)count;
     return false; /* never called */
@@ -247,8 +276,8 @@ static inline bool match_seven(const struct slab_edges *s, const uint32_t *corne
 
 /* What lies over the edge that leaves at `here`: of `sides` faces in all, the one that is not its
  * own has it as an edge that comes in at `there`, or, if `turned`, leaves there, too. */
-static inline void enter_side(const struct slab_edges *s, uint32_t here, size_t sides,
-                              uint32_t there, bool turned)
+static inline void enter_side(const struct slab_edges *s, filed_corner here, size_t sides,
+                              filed_corner there, bool turned)
 {
     const uint32_t f = corner_face(here);
     uint32_t over = sides == 1 ? NO_INDEX : CROWDED;
@@ -291,14 +320,14 @@ static bool is_harmless(const uint8_t *next, uint32_t count, bool is_shared)
     return is_shared || is_one_way(next, count);
 }
 
-static void match_some(const struct slab_edges *s, const uint32_t *corners, uint32_t count,
+static void match_some(const struct slab_edges *s, const filed_corner *corners, uint32_t count,
                        bool is_shared, bool *is_plain)
 {
     uint32_t leaves[SOME], comes[SOME];
     uint8_t next[SOME];
     for (uint32_t i = 0; i < count; i++) {
-        leaves[i] = corner_next(s, corners[i]);
-        comes[i] = corner_previous(s, corners[i]);
+        leaves[i] = corner_next(corners[i]);
+        comes[i] = corner_previous(corners[i]);
     }
     for (uint32_t i = 0; i < count; i++) {
         unsigned out = 0, in = 0, other_out = 0, other_in = 0;
@@ -318,7 +347,7 @@ static void match_some(const struct slab_edges *s, const uint32_t *corners, uint
 
 /* Sides by their other ends: vertex << 32 | place << 1 | whether it leaves. */
 static enum status match_many(const struct slab_edges *s, struct slab_matcher *m,
-                              const uint32_t *corners, uint32_t count)
+                              const filed_corner *corners, uint32_t count)
 {
     struct context *ctx = m->scope.ctx;
     const size_t side_count = 2 * (size_t)count;
@@ -331,8 +360,8 @@ static enum status match_many(const struct slab_edges *s, struct slab_matcher *m
     if (status != STATUS_OK)
         return status;
     for (uint32_t i = 0; i < count; i++) {
-        m->sides[2 * (size_t)i] = (uint64_t)corner_next(s, corners[i]) << 32 | i << 1 | 1;
-        m->sides[2 * (size_t)i + 1] = (uint64_t)corner_previous(s, corners[i]) << 32 | i << 1;
+        m->sides[2 * (size_t)i] = (uint64_t)corner_next(corners[i]) << 32 | i << 1 | 1;
+        m->sides[2 * (size_t)i + 1] = (uint64_t)corner_previous(corners[i]) << 32 | i << 1;
     }
     status = radix_sort(ctx, (unsigned char *)m->sides, (unsigned char *)m->scratch, side_count,
                         sizeof *m->sides, 1, &bytes);
@@ -355,7 +384,7 @@ static enum status match_many(const struct slab_edges *s, struct slab_matcher *m
 
 /* ---- the whole ---- */
 
-static void note_rim(struct slab_matcher *m, const uint32_t *corners, uint32_t count)
+static void note_rim(struct slab_matcher *m, const filed_corner *corners, uint32_t count)
 {
     for (uint32_t i = 0; i < count; i++)
         m->rim[corner_face(corners[i]) / 64] |= (uint64_t)1 << corner_face(corners[i]) % 64;
@@ -366,12 +395,12 @@ LANES_INLINE enum status match_all(const struct draft *draft, const struct slab_
 {
     const uint32_t locals = scope_local_count(&m->scope), own = m->scope.own_count;
     const uint32_t wide_end = 3 * m->scope.face_count - LANES; /* unless there are fewer */
-    is_wide = is_wide && 3 * m->scope.face_count >= LANES;
+    is_wide = is_wide && HAS_SEVEN && 3 * m->scope.face_count >= LANES;
     enum status status = STATUS_OK;
     memset(s->mates, 0, m->scope.face_count);
     memset(m->rim, 0, slab_rim_words(&m->scope) * sizeof *m->rim);
     for (uint32_t v = 0, begin = 0; v < locals && status == STATUS_OK; v++) {
-        const uint32_t *corners = m->corners + begin;
+        const filed_corner *corners = m->corners + begin;
         const uint32_t count = m->end[v] - begin;
         const bool is_rim = v >= own || is_shared(draft, m->scope.vertex_first + v);
         const bool is_seven = is_wide && begin <= wide_end && count - 3 <= SEVEN - 3;

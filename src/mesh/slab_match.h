@@ -10,11 +10,21 @@
 
 enum { SLAB_MATCH_TABLE_BITS = 11, SLAB_MATCH_FEW = 16 };
 
+/* A corner with all that is asked of it (slab_match.c); in builds with larger slabs than any store
+ * has, for experiments, it needs more room. */
+#if SPBM_SLAB_SHIFT_MAX <= 18
+typedef uint64_t filed_corner;
+enum { SLAB_MATCH_FIELD = 20 };
+#else
+__extension__ typedef unsigned __int128 filed_corner;
+enum { SLAB_MATCH_FIELD = SLAB_SHIFT_MAX + 2 };
+#endif
+
 struct slab_matcher { /* one a worker; all zero before its first use */
     struct slab_scope scope;
     uint32_t *end; /* a local vertex: where its corners end, and those of the next begin */
     size_t end_capacity;
-    uint32_t *corners; /* by vertex */
+    filed_corner *corners; /* by vertex */
     size_t corner_capacity;
     uint64_t *rim; /* a bit a face of the slab: it has a vertex that other slabs use, too */
     size_t rim_capacity;
