@@ -122,7 +122,7 @@ static inline uint32_t corner_opposite(const struct collapse *collapse, uint32_t
     return collapse->corners[corner_next(c)].swing;
 }
 
-/* ---- collapse.c ---- */
+/* ---- collapse_begin.c ---- */
 
 /* A new one without vertices and corners. */
 enum status collapse_start(struct context *ctx, const struct collapse_options *options,
@@ -134,8 +134,8 @@ enum status collapse_make_ready(struct collapse *collapse) MUST_CHECK;
 
 /* ---- collapse_topology.c ---- */
 
-/* Finds swings, vertex corners and borders from the ends. STATUS_INTERNAL when the faces are no
- * manifold. */
+/* Finds swings, vertex corners and borders from the ends, and makes the fans. STATUS_INTERNAL when
+ * the faces are no manifold. */
 enum status topology_build(struct collapse *collapse) MUST_CHECK;
 /* The link condition, with the border and with locked vertices, for the edge from `a` to its i-th
  * neighbour b; both rings are known. */

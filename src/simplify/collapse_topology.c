@@ -196,12 +196,10 @@ struct matching {
 
 enum { MATCH_STRETCH = 4096 };
 
-static enum status match_stretch(void *user, uint64_t job, unsigned worker)
+static void match_stretch(struct matching *matching, uint64_t index)
 {
-    (void)worker;
-    struct matching *matching = user;
     struct collapse *c = matching->collapse;
-    const uint64_t first = job * MATCH_STRETCH, left = c->vertex_count - first;
+    const uint64_t first = index * MATCH_STRETCH, left = c->vertex_count - first;
     const uint32_t end = (uint32_t)(first + (left < MATCH_STRETCH ? left : MATCH_STRETCH));
     struct met recent[RECENT] = {{0}};
     bool has_hub = false;
@@ -212,6 +210,17 @@ static enum status match_stretch(void *user, uint64_t job, unsigned worker)
         }
     if (has_hub)
         matching->has_hubs = true;
+}
+
+/* Job 0 makes the fans: it reads ends and positions, which stay as they are. */
+static enum status match_job(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct matching *matching = user;
+    if (job == 0)
+        fans_build(matching->collapse);
+    else if (matching->is_manifold)
+        match_stretch(matching, job - 1);
     return STATUS_OK;
 }
 
@@ -239,10 +248,10 @@ enum status topology_build(struct collapse *c)
     enum status status = STATUS_OK;
     list_corners(c);
     if (c->options.together)
-        status = parallel_for(ctx, stretches, match_stretch, &matching);
+        status = parallel_for(ctx, stretches + 1, match_job, &matching);
     else
-        for (uint64_t job = 0; job < stretches && matching.is_manifold; job++)
-            (void)match_stretch(&matching, job, 0);
+        for (uint64_t job = 0; job <= stretches; job++)
+            (void)match_job(&matching, job, 0);
     if (status == STATUS_OK && matching.is_manifold && matching.has_hubs)
         status = match_hubs(&matching);
     if (status != STATUS_OK || matching.is_manifold)
