@@ -58,7 +58,7 @@ static void boxes_release(struct context *ctx, struct boxes *boxes)
     memory_release(ctx, &boxes->of_faces, boxes->face_runs, sizeof *boxes->of_faces);
 }
 
-static enum status boxes_build(const struct collapse *c, struct boxes *boxes)
+static enum status boxes_take(const struct collapse *c, struct boxes *boxes)
 {
     boxes->face_runs = (size_t)(c->face_slots + RUN - 1) / RUN;
     boxes->box_runs = (boxes->face_runs + RUN - 1) / RUN;
@@ -66,20 +66,28 @@ static enum status boxes_build(const struct collapse *c, struct boxes *boxes)
         memory_take(c->ctx, boxes->face_runs, sizeof *boxes->of_faces, &boxes->of_faces);
     if (status == STATUS_OK)
         status = memory_take(c->ctx, boxes->box_runs, sizeof *boxes->of_boxes, &boxes->of_boxes);
-    if (status != STATUS_OK)
-        return status;
-    for (size_t i = 0; i < boxes->face_runs; i++)
-        boxes->of_faces[i] = EMPTY_BOX;
-    for (size_t i = 0; i < boxes->box_runs; i++)
-        boxes->of_boxes[i] = EMPTY_BOX;
-    for (size_t i = 0; i < 3 * (size_t)c->face_slots; i++)
-        if (c->corners[i].end != NO_INDEX) {
-            const float *at = c->vertices[c->corners[i].end].position;
-            widen(&boxes->of_faces[i / (3 * RUN)], at, at);
+    return status;
+}
+
+/* Fills in the larger boxes from `first` to `end`, and theirs. */
+static void boxes_fill(const struct collapse *c, struct boxes *boxes, size_t first, size_t end)
+{
+    const size_t slots = (size_t)c->face_slots;
+    for (size_t i = first; i < end; i++) {
+        struct box *whole = &boxes->of_boxes[i];
+        *whole = EMPTY_BOX;
+        for (size_t run = i * RUN; run < (i + 1) * RUN && run < boxes->face_runs; run++) {
+            struct box *box = &boxes->of_faces[run];
+            const size_t last = (run + 1) * RUN < slots ? (run + 1) * RUN : slots;
+            *box = EMPTY_BOX;
+            for (size_t k = 3 * RUN * run; k < 3 * last; k++)
+                if (c->corners[k].end != NO_INDEX) {
+                    const float *at = c->vertices[c->corners[k].end].position;
+                    widen(box, at, at);
+                }
+            widen(whole, box->low, box->high);
         }
-    for (size_t i = 0; i < boxes->face_runs; i++)
-        widen(&boxes->of_boxes[i / RUN], boxes->of_faces[i].low, boxes->of_faces[i].high);
-    return STATUS_OK;
+    }
 }
 
 static double box_square(const struct box *box, const double p[3])
@@ -154,6 +162,8 @@ struct piece {
     uint32_t first_face, end_face;
     uint32_t leaf; /* of the reference's tree, bvh_is_near() */
     double largest;
+    double edges;     /* of the reference's faces, summed lengths */
+    uint32_t suspect; /* the vertex that has most to tell, by what is noted of it; or NO_INDEX */
 };
 
 struct measuring {
@@ -181,15 +191,17 @@ static struct vec3 edge_point(struct vec3 a, struct vec3 b, unsigned i, unsigned
     return vec3_add(vec3_scale(a, 1 - t), vec3_scale(b, t));
 }
 
-static double find_mean_edge(const struct reference *r)
+/* The lengths of the edges of the job's part of the reference's faces. */
+static double sum_edges(const struct reference *r, uint64_t job)
 {
+    const uint64_t end = r->face_count * (job + 1) / PIECES;
     double sum = 0;
-    for (uint64_t i = 0; i < 3 * r->face_count; i++) {
-        const uint32_t *end = r->faces + (i % 3 == 2 ? i - 2 : i + 1);
-        sum += vec3_length(vec3_sub(vec3_load(r->positions + 3 * (size_t)*end),
+    for (uint64_t i = 3 * (r->face_count * job / PIECES); i < 3 * end; i++) {
+        const uint32_t *to = r->faces + (i % 3 == 2 ? i - 2 : i + 1);
+        sum += vec3_length(vec3_sub(vec3_load(r->positions + 3 * (size_t)*to),
                                     vec3_load(r->positions + 3 * (size_t)r->faces[i])));
     }
-    return sum / (3 * (double)r->face_count);
+    return sum;
 }
 
 /* ---- from the surface to the reference ---- */
@@ -326,7 +338,6 @@ static enum status measure_piece(void *user, uint64_t job, unsigned worker)
     return STATUS_OK;
 }
 
-/* The vertex of the piece that has most to tell, by what is noted of it; NO_INDEX: none is left. */
 static uint32_t find_suspect(const struct collapse *c, const struct piece *piece)
 {
     uint32_t suspect = NO_INDEX;
@@ -341,30 +352,55 @@ static uint32_t find_suspect(const struct collapse *c, const struct piece *piece
     return suspect;
 }
 
+static enum status prepare_piece(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct measuring *measuring = user;
+    const struct collapse *c = measuring->collapse;
+    struct piece *piece = &measuring->pieces[job];
+    const size_t boxes = measuring->boxes.box_runs;
+    piece->first_vertex = (uint32_t)(c->vertex_slots * job / PIECES);
+    piece->end_vertex = (uint32_t)(c->vertex_slots * (job + 1) / PIECES);
+    piece->first_face = (uint32_t)(c->face_slots * job / PIECES);
+    piece->end_face = (uint32_t)(c->face_slots * (job + 1) / PIECES);
+    piece->suspect = find_suspect(c, piece);
+    piece->edges = sum_edges(&c->reference, job);
+    boxes_fill(c, &measuring->boxes, boxes * job / PIECES, boxes * (job + 1) / PIECES);
+    return STATUS_OK;
+}
+
 /* ---- both ---- */
 
-enum status reference_error(const struct collapse *c, double *error)
+/* What all pieces begin with: the largest distance of the suspects. */
+static void measure_suspects(struct measuring *measuring)
 {
-    struct measuring measuring = {.collapse = c, .mean_edge = find_mean_edge(&c->reference)};
+    const struct collapse *c = measuring->collapse;
     struct piece suspects = {.leaf = UINT32_MAX, .largest = c->typical_error};
+    double edges = 0;
     for (uint32_t i = 0; i < PIECES; i++) {
-        struct piece *piece = &measuring.pieces[i];
-        piece->first_vertex = (uint32_t)(c->vertex_slots * i / PIECES);
-        piece->end_vertex = (uint32_t)(c->vertex_slots * (i + 1) / PIECES);
-        piece->first_face = (uint32_t)(c->face_slots * i / PIECES);
-        piece->end_face = (uint32_t)(c->face_slots * (i + 1) / PIECES);
-        const uint32_t suspect = find_suspect(c, piece);
+        const uint32_t suspect = measuring->pieces[i].suspect;
+        edges += measuring->pieces[i].edges;
         if (suspect != NO_INDEX)
             measure_from(c, vec3_load_float(c->vertices[suspect].position), &suspects);
     }
-    double largest = suspects.largest;
+    measuring->mean_edge = edges / (3 * (double)c->reference.face_count);
     for (uint32_t i = 0; i < PIECES; i++) {
-        measuring.pieces[i].leaf = UINT32_MAX;
-        measuring.pieces[i].largest = largest;
+        measuring->pieces[i].leaf = UINT32_MAX;
+        measuring->pieces[i].largest = suspects.largest;
     }
-    enum status status = boxes_build(c, &measuring.boxes);
+}
+
+enum status reference_error(const struct collapse *c, double *error)
+{
+    struct measuring measuring = {.collapse = c};
+    double largest = 0;
+    enum status status = boxes_take(c, &measuring.boxes);
     if (status == STATUS_OK)
+        status = parallel_for(c->ctx, PIECES, prepare_piece, &measuring);
+    if (status == STATUS_OK) {
+        measure_suspects(&measuring);
         status = parallel_for(c->ctx, PIECES, measure_piece, &measuring);
+    }
     for (uint32_t i = 0; i < PIECES; i++)
         largest = fmax(largest, measuring.pieces[i].largest);
     boxes_release(c->ctx, &measuring.boxes);

@@ -133,12 +133,13 @@ enum status collapse_resume(struct context *ctx, const struct collapse_options *
 
 int64_t collapse_euler(const struct collapse *c)
 {
-    int64_t vertices = 0, corners = 0, borders = 0;
-    for (size_t v = 0; v < (size_t)c->vertex_slots; v++)
-        vertices += c->vertices[v].corner != NO_INDEX;
-    for (uint32_t i = 0; i < 3 * c->face_slots; i++) {
-        corners += c->corners[i].end != NO_INDEX;
-        borders += c->corners[i].end != NO_INDEX && corner_opposite(c, i) == NO_INDEX;
+    /* a border vertex has one border edge that leads away from it */
+    int64_t vertices = 0, borders = 0;
+    for (size_t v = 0; v < (size_t)c->vertex_slots; v++) {
+        const bool is_live = c->vertices[v].corner != NO_INDEX;
+        vertices += is_live;
+        borders += is_live && (c->vertices[v].flags & VERTEX_BORDER);
     }
-    return vertices - (corners + borders) / 2 + corners / 3;
+    const int64_t faces = (int64_t)c->live_faces;
+    return vertices - (3 * faces + borders) / 2 + faces;
 }

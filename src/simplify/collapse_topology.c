@@ -416,44 +416,102 @@ LANES_INLINE void move_faces(struct collapse *c, const struct ranked_bits *verti
     }
 }
 
-static void move_all_scalar(struct collapse *c, const struct ranked_bits *vertices,
-                            const struct ranked_bits *faces)
+static void move_vertices_scalar(struct collapse *c, const struct ranked_bits *vertices,
+                                 const struct ranked_bits *faces)
 {
     move_vertices(c, vertices, faces);
+}
+
+static void move_faces_scalar(struct collapse *c, const struct ranked_bits *vertices,
+                              const struct ranked_bits *faces)
+{
     move_faces(c, vertices, faces);
 }
 
 /* (Machines with these vectors count bits in one instruction, too.) */
-LANES_AVX2 static void move_all_avx2(struct collapse *c, const struct ranked_bits *vertices,
-                                     const struct ranked_bits *faces)
+LANES_AVX2 static void move_vertices_avx2(struct collapse *c, const struct ranked_bits *vertices,
+                                          const struct ranked_bits *faces)
 {
     move_vertices(c, vertices, faces);
+}
+
+LANES_AVX2 static void move_faces_avx2(struct collapse *c, const struct ranked_bits *vertices,
+                                       const struct ranked_bits *faces)
+{
     move_faces(c, vertices, faces);
+}
+
+/* Vertices and faces are two jobs: what is live first, and then each moves by itself. */
+struct compaction {
+    struct collapse *collapse;
+    struct ranked_bits vertices, faces;
+    uint32_t vertex_slots, face_slots;
+};
+
+enum { OF_VERTICES, OF_FACES, COMPACTION_JOBS };
+
+static enum status find_live(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct compaction *compaction = user;
+    const struct collapse *c = compaction->collapse;
+    if (job == OF_VERTICES) {
+        uint64_t *bits = compaction->vertices.bits;
+        for (uint32_t v = 0; v < c->vertex_slots; v++)
+            bits[v >> 6] |= (uint64_t)(c->vertices[v].corner != NO_INDEX) << (v & 63);
+        compaction->vertex_slots = ranked_bits_sum(&compaction->vertices);
+    } else {
+        uint64_t *bits = compaction->faces.bits;
+        for (uint32_t f = 0; f < c->face_slots; f++)
+            bits[f >> 6] |= (uint64_t)(c->corners[3 * (size_t)f].end != NO_INDEX) << (f & 63);
+        compaction->face_slots = ranked_bits_sum(&compaction->faces);
+    }
+    return STATUS_OK;
+}
+
+static enum status move_live(void *user, uint64_t job, unsigned worker)
+{
+    (void)worker;
+    struct compaction *compaction = user;
+    struct collapse *c = compaction->collapse;
+    if (job == OF_VERTICES && c->level >= CPU_AVX2)
+        move_vertices_avx2(c, &compaction->vertices, &compaction->faces);
+    else if (job == OF_VERTICES)
+        move_vertices_scalar(c, &compaction->vertices, &compaction->faces);
+    else if (c->level >= CPU_AVX2)
+        move_faces_avx2(c, &compaction->vertices, &compaction->faces);
+    else
+        move_faces_scalar(c, &compaction->vertices, &compaction->faces);
+    return STATUS_OK;
+}
+
+static enum status run_both(struct compaction *compaction,
+                            enum status (*work)(void *user, uint64_t job, unsigned worker))
+{
+    struct collapse *c = compaction->collapse;
+    if (c->options.together)
+        return parallel_for(c->ctx, COMPACTION_JOBS, work, compaction);
+    for (uint64_t job = 0; job < COMPACTION_JOBS; job++)
+        (void)work(compaction, job, 0);
+    return STATUS_OK;
 }
 
 enum status topology_compact(struct collapse *c)
 {
-    struct ranked_bits vertices = {0}, faces = {0};
-    enum status status = ranked_bits_take(c->ctx, c->vertex_slots, &vertices);
+    struct compaction compaction = {.collapse = c};
+    enum status status = ranked_bits_take(c->ctx, c->vertex_slots, &compaction.vertices);
     if (status == STATUS_OK)
-        status = ranked_bits_take(c->ctx, c->face_slots, &faces);
-    if (status != STATUS_OK)
-        goto done;
-    for (uint32_t v = 0; v < c->vertex_slots; v++)
-        vertices.bits[v >> 6] |= (uint64_t)(c->vertices[v].corner != NO_INDEX) << (v & 63);
-    for (uint32_t f = 0; f < c->face_slots; f++)
-        faces.bits[f >> 6] |= (uint64_t)(c->corners[3 * (size_t)f].end != NO_INDEX) << (f & 63);
-    const uint32_t vertex_slots = ranked_bits_sum(&vertices), face_slots = ranked_bits_sum(&faces);
-    if (vertex_slots < c->vertex_slots || face_slots < c->face_slots) {
-        if (c->level >= CPU_AVX2)
-            move_all_avx2(c, &vertices, &faces);
-        else
-            move_all_scalar(c, &vertices, &faces);
+        status = ranked_bits_take(c->ctx, c->face_slots, &compaction.faces);
+    if (status == STATUS_OK)
+        status = run_both(&compaction, find_live);
+    if (status == STATUS_OK &&
+        (compaction.vertex_slots < c->vertex_slots || compaction.face_slots < c->face_slots))
+        status = run_both(&compaction, move_live);
+    if (status == STATUS_OK) {
+        c->vertex_slots = compaction.vertex_slots;
+        c->face_slots = compaction.face_slots;
     }
-    c->vertex_slots = vertex_slots;
-    c->face_slots = face_slots;
-done:
-    ranked_bits_clear(c->ctx, &faces);
-    ranked_bits_clear(c->ctx, &vertices);
+    ranked_bits_clear(c->ctx, &compaction.faces);
+    ranked_bits_clear(c->ctx, &compaction.vertices);
     return status;
 }
