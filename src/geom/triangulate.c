@@ -28,13 +28,22 @@
 
 enum { TABLE_SIDE = TRIANGULATION_EXHAUSTIVE_MAX };
 
+/* The loop moved to the origin and scaled to unit size, so that nothing overflows or cancels. */
+struct frame {
+    struct vec3 origin;
+    double scale; /* 0 when the loop has no extent, or one that is not finite */
+};
+
 struct loop {
     const double *corners; /* 3 each, as given */
     uint32_t n;
     struct grid_point *points;
     struct grid_point *parted; /* room for a copy of them */
-    double *heights;
-    double *along;          /* two axes of the plane, before rounding */
+    double *heights;           /* not filled in before they are needed */
+    double *along;             /* two axes of the plane, before rounding */
+    struct vec3 up;            /* the plane's normal, */
+    double steps;              /* and the grid's steps a unit */
+    struct frame frame;
     bool is_against_normal; /* the given normal could not be used */
     bool (*diagonal_allowed)(void *user, uint32_t i, uint32_t j);
     void *user;
@@ -49,12 +58,6 @@ void triangulation_workspace_clear(struct context *ctx, struct triangulation_wor
 }
 
 /* ---- projection ---- */
-
-/* The loop moved to the origin and scaled to unit size, so that nothing overflows or cancels. */
-struct frame {
-    struct vec3 origin;
-    double scale; /* 0 when the loop has no extent, or one that is not finite */
-};
 
 static struct vec3 framed(const struct loop *loop, const struct frame *frame, uint32_t i)
 {
@@ -117,45 +120,56 @@ static void plane_axes(struct vec3 w, struct vec3 *u, struct vec3 *v)
     *v = vec3_cross(w, *u);
 }
 
+/* Along both axes. */
+typedef double pair __attribute__((vector_size(16)));
+
+/* Up to GRID_SIZE but for rounding, which the half that is added outweighs. */
 static int32_t to_grid(double value)
 {
-    if (!(value > 0)) /* also when it is not a number */
-        return 0;
-    return value < GRID_SIZE ? (int32_t)(value + 0.5) : GRID_SIZE;
+    return value > 0 ? (int32_t)(value + 0.5) : 0; /* 0 when it is not a number, too */
 }
 
-/* Fills points and heights; returns whether the loop encloses a positive area on the grid. */
-static bool project(struct loop *loop, const struct frame *frame, struct vec3 normal)
+/* Places the corners on the plane; *low: the least along each axis. Returns the larger extent. */
+static double place_corners(struct loop *loop, pair *low)
 {
-    double largest = fmax(fabs(normal.x), fmax(fabs(normal.y), fabs(normal.z)));
-    struct vec3 w = {0, 0, 1}, u, v;
-    if (largest > 0 && isfinite(largest))
-        w = vec3_normalized(
-            (struct vec3){normal.x / largest, normal.y / largest, normal.z / largest});
-    plane_axes(w, &u, &v);
-
+    struct vec3 u, v;
+    plane_axes(loop->up, &u, &v);
+    const pair x = {u.x, v.x}, y = {u.y, v.y}, z = {u.z, v.z};
     double low_u = 0, low_v = 0, high_u = 0, high_v = 0; /* the first corner is at 0, 0 */
     for (uint32_t i = 0; i < loop->n; i++) {
-        struct vec3 corner = framed(loop, frame, i);
-        double along_u = vec3_dot(corner, u), along_v = vec3_dot(corner, v);
-        loop->along[2 * (size_t)i] = along_u;
-        loop->along[2 * (size_t)i + 1] = along_v;
-        loop->heights[i] = vec3_dot(corner, w);
-        low_u = along_u < low_u ? along_u : low_u;
-        high_u = along_u > high_u ? along_u : high_u;
-        low_v = along_v < low_v ? along_v : low_v;
-        high_v = along_v > high_v ? along_v : high_v;
+        const struct vec3 corner = framed(loop, &loop->frame, i);
+        const pair along = (pair){corner.x, corner.x} * x + (pair){corner.y, corner.y} * y +
+                           (pair){corner.z, corner.z} * z;
+        memcpy(loop->along + 2 * (size_t)i, &along, sizeof along);
+        low_u = along[0] < low_u ? along[0] : low_u;
+        high_u = along[0] > high_u ? along[0] : high_u;
+        low_v = along[1] < low_v ? along[1] : low_v;
+        high_v = along[1] > high_v ? along[1] : high_v;
     }
-    /* Steps a unit; a loop without extent stays in one place. */
-    double extent = high_u - low_u > high_v - low_v ? high_u - low_u : high_v - low_v;
-    double steps = extent > 1e-290 ? GRID_SIZE / extent : 0;
+    *low = (pair){low_u, low_v};
+    return high_u - low_u > high_v - low_v ? high_u - low_u : high_v - low_v;
+}
+
+/* Fills the points; returns whether the loop encloses a positive area on the grid. */
+static bool project(struct loop *loop, struct vec3 normal)
+{
+    double largest = fmax(fabs(normal.x), fmax(fabs(normal.y), fabs(normal.z)));
+    loop->up = (struct vec3){0, 0, 1};
+    if (largest > 0 && isfinite(largest))
+        loop->up = vec3_normalized(
+            (struct vec3){normal.x / largest, normal.y / largest, normal.z / largest});
+    pair low;
+    const double extent = place_corners(loop, &low);
+    /* a loop without extent stays in one place */
+    loop->steps = extent > 1e-290 ? GRID_SIZE / extent : 0;
     __int128 area = 0;
     struct grid_point last = {0, 0};
     for (uint32_t i = 0; i < loop->n; i++) {
-        struct grid_point p = {to_grid((loop->along[2 * (size_t)i] - low_u) * steps),
-                               to_grid((loop->along[2 * (size_t)i + 1] - low_v) * steps)};
+        pair along;
+        memcpy(&along, loop->along + 2 * (size_t)i, sizeof along);
+        along = (along - low) * (pair){loop->steps, loop->steps};
+        const struct grid_point p = {to_grid(along[0]), to_grid(along[1])};
         loop->points[i] = p;
-        loop->heights[i] *= steps;
         if (i > 0)
             area += (int64_t)last.x * p.y - (int64_t)last.y * p.x;
         last = p;
@@ -165,16 +179,23 @@ static bool project(struct loop *loop, const struct frame *frame, struct vec3 no
     return area > 0;
 }
 
+/* Heights over the plane, which only loops that are not simple are asked for. */
+static void fill_heights(const struct loop *loop)
+{
+    for (uint32_t i = 0; i < loop->n; i++)
+        loop->heights[i] = vec3_dot(framed(loop, &loop->frame, i), loop->up) * loop->steps;
+}
+
 /* Chooses the plane and projects: the given normal, else Newell's, else any that spans the loop. */
 static void project_best(struct loop *loop, const double normal[3])
 {
-    struct frame frame = frame_of(loop);
+    loop->frame = frame_of(loop);
     loop->is_against_normal = false;
-    if (normal && project(loop, &frame, vec3_load(normal)))
+    if (normal && project(loop, vec3_load(normal)))
         return;
     loop->is_against_normal = normal != NULL;
-    if (!project(loop, &frame, newell_normal(loop, &frame)))
-        (void)project(loop, &frame, spanning_normal(loop, &frame));
+    if (!project(loop, newell_normal(loop, &loop->frame)))
+        (void)project(loop, spanning_normal(loop, &loop->frame));
 }
 
 /* ---- quadrangles ---- */
@@ -320,6 +341,8 @@ static enum status choose_points(struct context *ctx, struct triangulation_works
         status = loop_is_simple(ctx, &ws->sweep, loop->parted, loop->n, &input->is_simple);
     if (status == STATUS_OK && input->is_simple)
         input->points = loop->parted;
+    else
+        fill_heights(loop);
     return status;
 }
 

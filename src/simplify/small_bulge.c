@@ -17,6 +17,9 @@
 
 #include <math.h>
 #include <stdbool.h>
+#include <string.h>
+
+#include "base/float4.h"
 
 /* Of a patch's size: lower heights are rounding, and flat sides are to stay flat. */
 static const double FLAT_PART = 1e-4;
@@ -31,11 +34,12 @@ void bulge_note(struct bulge *bulges, const uint32_t *loop, uint32_t count, cons
 {
     const bool is_flat = !(height * height > FLAT_PART * FLAT_PART * (double)area);
     const float step = is_flat || !(fabs(height) < 1e37) ? 0 : (float)height;
+    const float parts[4] = {step * normal[0], step * normal[1], step * normal[2], 1};
+    float4 part;
+    memcpy(&part, parts, sizeof part);
     for (uint32_t i = 0; i < count; i++) {
-        struct bulge *bulge = &bulges[loop[i]];
-        for (int k = 0; k < 3; k++)
-            bulge->sum[k] += step * normal[k];
-        bulge->count++;
+        float *bulge = (float *)&bulges[loop[i]]; /* three and the count */
+        float4_store(bulge, float4_load(bulge) + part);
     }
 }
 

@@ -6,9 +6,9 @@
 
 #include <stdint.h>
 
-/* Of one vertex; all zero at first. */
+/* Of one vertex; all zero at first, and on a multiple of 16 bytes. */
 struct bulge {
-    float sum[3]; /* of the heights of the patches round it, along their normals */
+    _Alignas(16) float sum[3]; /* of the heights of the patches round it, along their normals */
     float count;  /* of these patches; INFINITY: the vertex stays */
 };
 
