@@ -202,13 +202,31 @@ void edge_lanes_weigh(enum cpu_level level, const struct fan *fan, struct edge_l
         weigh_lanes_scalar(fan, e);
 }
 
-void edge_lanes_ends(const struct fan *fan, struct edge_lanes *e)
+LANES_INLINE void ends_of_lanes(const struct fan *fan, struct edge_lanes *e)
 {
     const struct forms own = forms_of(fan), rest = rest_of_fan(e);
     const struct vec3x8 edge = load_lanes(e->edge);
     const struct vec3x8 here = {lanes_all(0), lanes_all(0), lanes_all(0)};
     lanes_store(e->cost_here, cost_at(&own, &rest, edge, here));
     lanes_store(e->cost_there, cost_at(&own, &rest, edge, edge));
+}
+
+static void ends_of_lanes_scalar(const struct fan *fan, struct edge_lanes *e)
+{
+    ends_of_lanes(fan, e);
+}
+
+LANES_AVX2 static void ends_of_lanes_avx2(const struct fan *fan, struct edge_lanes *e)
+{
+    ends_of_lanes(fan, e);
+}
+
+void edge_lanes_ends(enum cpu_level level, const struct fan *fan, struct edge_lanes *e)
+{
+    if (level >= CPU_AVX2)
+        ends_of_lanes_avx2(fan, e);
+    else
+        ends_of_lanes_scalar(fan, e);
 }
 
 /* ---- the border ---- */

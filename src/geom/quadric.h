@@ -51,7 +51,7 @@ void edge_lanes_place(enum cpu_level level, const struct fan *fan, float reach_s
  * longer a finite number becomes INFINITY. */
 void edge_lanes_weigh(enum cpu_level level, const struct fan *fan, struct edge_lanes *lanes);
 /* Fills `cost_here` and `cost_there`. */
-void edge_lanes_ends(const struct fan *fan, struct edge_lanes *lanes);
+void edge_lanes_ends(enum cpu_level level, const struct fan *fan, struct edge_lanes *lanes);
 
 /* ---- an edge at the border ---- */
 

@@ -237,7 +237,7 @@ static void mend_special_lanes(const struct collapse *c, uint32_t v, struct vert
         }
         const bool at_end = c->options.subset || (either & VERTEX_LOCKED);
         if (at_end && !have_ends) {
-            edge_lanes_ends(&c->vertices[v].fan, lanes);
+            edge_lanes_ends(c->level, &c->vertices[v].fan, lanes);
             have_ends = true;
         }
         if (either & VERTEX_BORDER) {
@@ -310,7 +310,7 @@ LANES_INLINE void evaluate(const struct collapse *c, const struct territory *t, 
     for (uint32_t first = 0; first < e->look.ring.count; first += LANES) {
         fill_lanes(c, e, first, &lanes);
         if (c->options.subset)
-            edge_lanes_ends(fan, &lanes);
+            edge_lanes_ends(c->level, fan, &lanes);
         else
             edge_lanes_place(c->level, fan, e->reach_square, &lanes);
         if (e->look.flags || c->options.subset)

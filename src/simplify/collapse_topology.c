@@ -305,6 +305,25 @@ static bool locks_allow(const struct collapse *c, uint32_t kept, const struct ri
     return true;
 }
 
+/* Whether the rings of an edge's ends have a vertex in common that is no apex of its faces. (Behind
+ * b's ring stands b itself, which is the i-th of a's.) */
+static bool have_others_in_common(const struct ring *ring_a, uint32_t i, const struct ring *ring_b,
+                                  const uint32_t apexes[2])
+{
+    int4 same = {0}, vertices;
+    for (uint32_t j = 0; j < ring_a->count; j++) {
+        const uint32_t r = ring_a->vertices[j];
+        const int32_t v = (int32_t)r;
+        if (j == i || r == apexes[0] || r == apexes[1])
+            continue;
+        for (uint32_t k = 0; k < ring_b->count; k += 4) {
+            memcpy(&vertices, ring_b->vertices + k, sizeof vertices);
+            same |= vertices == (int4){v, v, v, v};
+        }
+    }
+    return float4_bits((float4)same) != 0;
+}
+
 bool topology_allows(const struct collapse *c, uint32_t a, const struct ring *ring_a, uint32_t i,
                      const struct ring *ring_b)
 {
@@ -319,14 +338,8 @@ bool topology_allows(const struct collapse *c, uint32_t a, const struct ring *ri
         return false;
     const uint32_t apexes[2] = {third_vertex(c, half),
                                 other == NO_INDEX ? NO_INDEX : third_vertex(c, other)};
-    for (uint32_t j = 0; j < ring_a->count; j++) {
-        const uint32_t r = ring_a->vertices[j];
-        if (r == apexes[0] || r == apexes[1])
-            continue;
-        for (uint32_t k = 0; k < ring_b->count; k++)
-            if (ring_b->vertices[k] == r)
-                return false;
-    }
+    if (have_others_in_common(ring_a, i, ring_b, apexes))
+        return false;
     if (c->vertices[a].flags & VERTEX_LOCKED)
         return !(c->vertices[b].flags & VERTEX_LOCKED) && locks_allow(c, a, ring_b, apexes);
     if (c->vertices[b].flags & VERTEX_LOCKED)
