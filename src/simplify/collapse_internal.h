@@ -292,6 +292,15 @@ enum status reference_error(const struct collapse *collapse, double *error) MUST
  * thousand of them. */
 double reference_mean_error(const struct collapse *collapse);
 
+/* ---- collapse_try.c ---- */
+
+/* The part of the vertices that a sweep is to let through. */
+double sweep_part(const struct collapse *collapse);
+/* Looks at v and collapses its cheapest edge that may be, if it costs no more than the threshold.
+ * A vertex whose ring reaches out of the territory keeps its key. */
+void vertex_work_on(struct collapse *collapse, struct territory *territory, uint32_t v,
+                    float threshold);
+
 /* ---- collapse_sweep.c ---- */
 
 /* Makes keys anew: of every key_step-th vertex, for choosing a threshold by; the others are 0, so
@@ -300,8 +309,6 @@ enum status keys_sample(struct collapse *collapse) MUST_CHECK;
 /* The threshold of the next sweep: the cost below which `wanted` of the vertices' keys lie, to
  * three bits of mantissa; INFINITY when no vertex has a key. */
 float keys_threshold(const struct collapse *collapse, uint64_t wanted);
-/* The part of the vertices that a sweep is to let through. */
-double sweep_part(const struct collapse *collapse);
 /* Collapses what costs no more than the threshold, down to `most_faces`. */
 enum status sweep(struct collapse *collapse, float threshold, uint64_t most_faces) MUST_CHECK;
 
