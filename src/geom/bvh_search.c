@@ -59,6 +59,18 @@ struct pending {
 
 enum { PENDING_MAX = BVH_LEVELS_MAX * (BVH_WIDTH - 1) + 1 };
 
+/* Nodes that are still to be looked at, the root at first; returns how many. */
+static unsigned begin_at_root(const struct bvh *bvh, struct pending stack[PENDING_MAX])
+{
+    stack[0] = (struct pending){0, 0, bvh->level_count - 1};
+    return bvh->count > 0;
+}
+
+static inline const struct bvh_node *node_of(const struct bvh *bvh, struct pending pending)
+{
+    return &bvh->nodes[bvh->level_first[pending.level] + pending.node];
+}
+
 /* The boxes not farther than `bound`, nearest first. */
 static unsigned sort_near(const float *distances, float bound, unsigned *places)
 {
@@ -86,15 +98,12 @@ LANES_INLINE void search_in_lanes(const struct bvh *bvh, struct vec3 p, struct n
     struct query query = query_of(bvh, p, p);
     float bound = bound_of(bvh, nearest->distance_squared);
     struct pending stack[PENDING_MAX];
-    unsigned used = 0;
-    if (bvh->count > 0)
-        stack[used++] = (struct pending){0, 0, bvh->level_count - 1};
-
+    unsigned used = begin_at_root(bvh, stack);
     while (used > 0) {
         struct pending top = stack[--used];
         if (top.distance > bound)
             continue;
-        const struct bvh_node *node = &bvh->nodes[bvh->level_first[top.level] + top.node];
+        const struct bvh_node *node = node_of(bvh, top);
         float distances[BVH_WIDTH];
         unsigned places[BVH_WIDTH];
         box_distances(node, &query, distances);
@@ -184,7 +193,7 @@ LANES_INLINE bool below_is_near(const struct bvh *bvh, struct pending start, uns
     struct pending stack[PENDING_MAX];
     unsigned used = 0;
     for (struct pending top = start;; top = stack[--used]) {
-        const struct bvh_node *node = &bvh->nodes[bvh->level_first[top.level] + top.node];
+        const struct bvh_node *node = node_of(bvh, top);
         const struct near_boxes near = boxes_within(node, query, bound, except);
         except = BVH_WIDTH;
         if (near.all != 0 && top.level == 0) {
@@ -248,13 +257,10 @@ void bvh_touching(const struct bvh *bvh, struct vec3 low, struct vec3 high,
 {
     struct query query = query_of(bvh, low, high);
     struct pending stack[PENDING_MAX];
-    unsigned used = 0;
-    if (bvh->count > 0)
-        stack[used++] = (struct pending){0, 0, bvh->level_count - 1};
-
+    unsigned used = begin_at_root(bvh, stack);
     while (used > 0) {
         struct pending top = stack[--used];
-        const struct bvh_node *node = &bvh->nodes[bvh->level_first[top.level] + top.node];
+        const struct bvh_node *node = node_of(bvh, top);
         float distances[BVH_WIDTH];
         box_distances(node, &query, distances);
         for (unsigned i = 0; i < BVH_WIDTH; i++) {

@@ -300,12 +300,11 @@ LANES_INLINE void evaluate(const struct collapse *c, const struct territory *t, 
 {
     const struct fan *fan = &c->vertices[v].fan;
     struct edge_lanes lanes;
-    gather(c, t, v, &e->look);
+    look_round(c, t, v, &e->look);
     e->least = INFINITY;
     e->cheapest = 0;
     if (e->look.ring.count == 0)
         return;
-    make_normals(c, v, &e->look);
     e->reach_square = longest_square(&e->look);
     for (uint32_t first = 0; first < e->look.ring.count; first += LANES) {
         fill_lanes(c, e, first, &lanes);
