@@ -114,6 +114,13 @@ static bool can_begin(const struct team *team)
            team->next - team->finished < team->in_flight;
 }
 
+/* Whether the thread that finishes need not wake others yet: it goes on finishing, and to be woken
+ * for one job costs as much as many a job. */
+static bool goes_on_finishing(const struct team *team)
+{
+    return can_finish(team) && 2 * (team->next - team->finished) > team->in_flight;
+}
+
 /* The lock is held before and after these, as for do_next. */
 static void finish_next(struct team *team)
 {
@@ -149,13 +156,15 @@ static void run_pipeline(struct team *team, unsigned worker)
 {
     pthread_mutex_lock(&team->lock);
     while (team->failed == STATUS_OK && team->finished < team->jobs) {
-        if (can_finish(team))
+        if (can_finish(team)) {
             finish_next(team);
-        else if (can_cut(team))
+            if (team->failed == STATUS_OK && goes_on_finishing(team))
+                continue;
+        } else if (can_cut(team)) {
             cut_next(team);
-        else if (can_begin(team))
+        } else if (can_begin(team)) {
             team->is_done[do_next(team, worker) % team->in_flight] = true;
-        else {
+        } else {
             pthread_cond_wait(&team->changed, &team->lock);
             continue;
         }

@@ -101,7 +101,7 @@ enum status ply_read_split(const struct ply_split *split)
     jobs = jobs < (end - s.position) / size ? jobs : (end - s.position) / size;
     if (jobs < LEAST_JOBS)
         return STATUS_OK;
-    s.in_flight = ply->ctx->threads + 1 < IN_FLIGHT_MAX ? ply->ctx->threads + 1 : IN_FLIGHT_MAX;
+    s.in_flight = ply->ctx->threads + 3 < IN_FLIGHT_MAX ? ply->ctx->threads + 3 : IN_FLIGHT_MAX;
     enum status status = run(&s, jobs);
     return status == STATUS_OK ? instream_skip(ply->text.stream, s.taken, s.crc) : status;
 }
