@@ -76,6 +76,17 @@ static enum status faces(void *user, uint64_t first_face, size_t count, const ui
     return STATUS_OK;
 }
 
+/* What is said to be the largest index is. */
+static enum status triangles(void *user, uint64_t first_face, size_t count, const uint32_t *indices,
+                             uint32_t largest)
+{
+    uint32_t found = 0;
+    for (size_t i = 0; i < 3 * count; i++)
+        found = indices[i] > found ? indices[i] : found;
+    assert_int_equal(found, largest);
+    return faces(user, first_face, count, NULL, indices);
+}
+
 static void listen(void *user, enum message_level level, const char *text)
 {
     struct collected *all = user;
@@ -110,7 +121,7 @@ static void *feed_pipe(void *user)
 struct collected collect(import_function reader, const void *data, size_t size, enum feed feed)
 {
     struct collected all = {.is_float32 = true};
-    struct import_sink sink = {&all, begin, vertices, faces};
+    struct import_sink sink = {&all, begin, vertices, faces, triangles};
     struct context ctx;
     struct instream *stream;
     char path[64];

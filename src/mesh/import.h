@@ -35,6 +35,10 @@ struct import_sink {
      * come before its vertices. `first_face` is the file's number of the first face, for words. */
     enum status (*faces)(void *user, uint64_t first_face, size_t count, const uint32_t *sizes,
                          const uint32_t *indices);
+    /* The same of triangles, by a reader that knows the largest of their indices; NULL: faces is
+     * called instead. */
+    enum status (*triangles)(void *user, uint64_t first_face, size_t count, const uint32_t *indices,
+                             uint32_t largest);
 };
 
 /* Looks at the first bytes of a stream. FORMAT_UNKNOWN when none fits. */

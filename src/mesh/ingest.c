@@ -189,15 +189,20 @@ static enum status sink_vertices(void *user, size_t count, const float *floats,
     return status;
 }
 
-/* The largest index of a run, to be judged at once if it can't be right, or when all vertices are
- * known. `face` is the file's number of the first face; all have `corners` corners. */
-static enum status watch_indices(struct ingest *ingest, uint64_t face, const uint32_t *indices,
-                                 size_t count, uint32_t corners)
+static uint32_t largest_of(const uint32_t *indices, size_t count)
 {
-    struct ingest_input *input = current(ingest);
     uint32_t largest = 0;
     for (size_t i = 0; i < count; i++)
         largest = indices[i] > largest ? indices[i] : largest;
+    return largest;
+}
+
+/* The largest index of a run, to be judged at once if it can't be right, or when all vertices are
+ * known. `face` is the file's number of the first face; all have `corners` corners. */
+static enum status watch_largest(struct ingest *ingest, uint64_t face, const uint32_t *indices,
+                                 size_t count, uint32_t corners, uint32_t largest)
+{
+    struct ingest_input *input = current(ingest);
     if (count == 0 || largest < input->vertex_count || largest < ingest->needed_vertices)
         return STATUS_OK;
     const bool is_beyond = input->vertex_first + largest >= ingest->index_limit;
@@ -225,14 +230,16 @@ static enum status count_faces(struct ingest *ingest, uint64_t triangles)
     return STATUS_OK;
 }
 
+/* largest NULL: it is not known. */
 static enum status append_triangles(struct ingest *ingest, uint64_t first_face, size_t count,
-                                    const uint32_t *indices)
+                                    const uint32_t *indices, const uint32_t *largest)
 {
     enum status status = count_faces(ingest, count);
     if (status == STATUS_OK && is_sifted(ingest))
         return append_soup(ingest, count, indices);
     if (status == STATUS_OK)
-        status = watch_indices(ingest, first_face, indices, 3 * count, 3);
+        status = watch_largest(ingest, first_face, indices, 3 * count, 3,
+                               largest ? *largest : largest_of(indices, 3 * count));
     if (status != STATUS_OK)
         return status;
     if (ingest->taker.user && ingest->needed_vertices == 0 && !current(ingest)->is_soup) {
@@ -266,7 +273,7 @@ static enum status append_polygon(struct ingest *ingest, uint64_t face, uint32_t
     struct ingest_polygon polygon = {(uint32_t)ingest->face_count, size};
     enum status status = count_faces(ingest, size - 2);
     if (status == STATUS_OK)
-        status = watch_indices(ingest, face, indices, size, size);
+        status = watch_largest(ingest, face, indices, size, size, largest_of(indices, size));
     if (status == STATUS_OK)
         status = spool_append(&ingest->polygon_spool, &polygon, sizeof polygon);
     uint32_t offset = (uint32_t)current(ingest)->vertex_first;
@@ -291,14 +298,14 @@ static enum status sink_faces(void *user, uint64_t first_face, size_t count, con
     struct ingest *ingest = user;
     ingest->input_faces += count;
     if (!sizes)
-        return append_triangles(ingest, first_face, count, indices);
+        return append_triangles(ingest, first_face, count, indices, NULL);
     enum status status = STATUS_OK;
     for (size_t i = 0; i < count && status == STATUS_OK;) {
         size_t run = 0;
         while (i + run < count && sizes[i + run] == 3)
             run++;
         if (run) {
-            status = append_triangles(ingest, first_face + i, run, indices);
+            status = append_triangles(ingest, first_face + i, run, indices, NULL);
             indices += 3 * run;
             i += run;
         } else if (sizes[i] < 3) {
@@ -312,6 +319,14 @@ static enum status sink_faces(void *user, uint64_t first_face, size_t count, con
         }
     }
     return status;
+}
+
+static enum status sink_triangles(void *user, uint64_t first_face, size_t count,
+                                  const uint32_t *indices, uint32_t largest)
+{
+    struct ingest *ingest = user;
+    ingest->input_faces += count;
+    return append_triangles(ingest, first_face, count, indices, &largest);
 }
 
 /* ---- an input from begin to end ---- */
@@ -332,7 +347,7 @@ enum status ingest_begin(struct ingest *ingest, const char *name, struct import_
     ingest->needed_vertices = 0;
     ingest->largest_face = 0;
     sieve_restart(&ingest->sieve);
-    *sink = (struct import_sink){ingest, sink_begin, sink_vertices, sink_faces};
+    *sink = (struct import_sink){ingest, sink_begin, sink_vertices, sink_faces, sink_triangles};
     return STATUS_OK;
 }
 

@@ -283,7 +283,7 @@ static void clear(struct loader *loader)
 enum status mesh_load(struct context *ctx, const char *path, struct mesh *mesh)
 {
     struct loader loader = {.ctx = ctx, .path = path};
-    struct import_sink sink = {&loader, begin, add_vertices, add_faces};
+    struct import_sink sink = {&loader, begin, add_vertices, add_faces, NULL};
     struct instream *stream;
     memset(mesh, 0, sizeof *mesh);
     enum status status = instream_open(ctx, path, &stream);

@@ -131,23 +131,15 @@ static inline uint32_t exponent_carry(uint32_t bits)
 }
 
 /* Copies `count` float32 coordinates that lie as they are wanted; false if any is not finite. */
-static bool copy_as_is(const unsigned char *from, size_t count, float *floats)
+static bool copy_as_is(const unsigned char *restrict from, size_t count, float *restrict floats)
 {
-    uint4 carry = {0};
-    size_t i = 0;
-    for (; i + 4 <= count; i += 4) {
-        uint4 bits;
-        memcpy(&bits, from + 4 * i, sizeof bits);
-        memcpy(floats + i, &bits, sizeof bits);
-        carry |= (bits & 0x7fffffff) + 0x00800000;
-    }
-    uint32_t rest = carry[0] | carry[1] | carry[2] | carry[3];
-    for (; i < count; i++) {
+    uint32_t carry = 0;
+    for (size_t i = 0; i < count; i++) {
         const uint32_t bits = load_u32(from + 4 * i);
         memcpy(floats + i, &bits, sizeof bits);
-        rest |= exponent_carry(bits);
+        carry |= exponent_carry(bits);
     }
-    return rest < 0x80000000u;
+    return carry < 0x80000000u;
 }
 
 /* Copies float32 coordinates; false if any is not finite. */
@@ -374,48 +366,59 @@ static enum status take_polygon(struct ply *ply, const struct face_plan *plan)
     return batch_end_face(&ply->batch, size);
 }
 
-/* Corners of triangles in a row; false if a face is none, or if an index has its highest bit while
- * they are signed. Four words at a time as long as a face follows, which takes the place of the
- * fourth. */
+/* Corners of triangles in a row, and the largest; false if a face is none, or if a corner has its
+ * highest bit, which those that are signed must not have. Four words at a time as long as a face
+ * follows, which takes the place of the fourth. */
 LANES_INLINE bool copy_triangles(const struct face_plan *plan, const unsigned char *row,
-                                 size_t count, uint32_t *indices, bool is_big)
+                                 size_t count, uint32_t *indices, bool is_big, uint32_t *largest)
 {
     const size_t row_size = plan->before + 13 + plan->after;
-    uint4 words = {0};
+    int4 words = {0}, most = {0};
     uint32_t all = 0;
     unsigned differs = 0;
+    *largest = 0;
     for (; count > 1 && !is_big; count--, row += row_size, indices += 3) {
-        uint4 corners;
+        int4 corners;
         memcpy(&corners, row + 1, sizeof corners);
         memcpy(indices, &corners, sizeof corners);
+        const int4 is_more = corners > most;
+        most = (corners & is_more) | (most & ~is_more);
         words |= corners;
         differs |= row[0] ^ 3u;
     }
-    for (; count > 0; count--, row += row_size, indices += 3) {
-        const uint32_t corners[3] = {load_u32_of(row + 1, is_big), load_u32_of(row + 5, is_big),
-                                     load_u32_of(row + 9, is_big)};
-        all |= corners[0] | corners[1] | corners[2];
-        differs |= row[0] ^ 3u;
-        memcpy(indices, corners, sizeof corners);
+    for (; count > 0; count--, row += row_size, indices += 3)
+        for (unsigned k = 0; k < 3; k++) {
+            indices[k] = load_u32_of(row + 1 + 4 * k, is_big);
+            all |= indices[k];
+            *largest = indices[k] > *largest ? indices[k] : *largest;
+            differs |= row[0] ^ 3u;
+        }
+    for (unsigned k = 0; k < 3; k++) {
+        all |= (uint32_t)words[k];
+        *largest = (uint32_t)most[k] > *largest ? (uint32_t)most[k] : *largest;
     }
-    all |= words[0] | words[1] | words[2];
-    return differs == 0 && !(plan->is_signed && all > INT32_MAX);
+    return differs == 0 && all <= INT32_MAX;
 }
 
-/* Triangles only, with indices that are not negative. */
+/* Triangles only, without the highest indices, which the reader of the stream judges: behind the
+ * corners is the largest. */
 static bool convert_triangles(const void *user, const unsigned char *rows, size_t count, void *made)
 {
     const struct face_plan *plan = user;
-    return plan->is_big ? copy_triangles(plan, rows + plan->before, count, made, true)
-                        : copy_triangles(plan, rows + plan->before, count, made, false);
+    uint32_t *indices = made, *largest = indices + 3 * count;
+    return plan->is_big ? copy_triangles(plan, rows + plan->before, count, indices, true, largest)
+                        : copy_triangles(plan, rows + plan->before, count, indices, false, largest);
 }
 
 static enum status take_converted(struct ply *ply, const void *user, size_t count, void *made)
 {
     (void)user;
     struct import_batch *batch = &ply->batch;
+    const struct import_sink *sink = batch->sink;
+    const uint32_t *indices = made, largest = indices[3 * count];
     enum status status =
-        batch->sink->faces(batch->sink->user, batch->first_face, count, NULL, made);
+        sink->triangles ? sink->triangles(sink->user, batch->first_face, count, indices, largest)
+                        : sink->faces(sink->user, batch->first_face, count, NULL, indices);
     batch->first_face += count;
     return status;
 }
@@ -429,7 +432,7 @@ static enum status split_faces(struct ply *ply, const struct face_plan *plan)
     return ply_read_split(&(struct ply_split){.ply = ply,
                                               .plan = plan,
                                               .row_size = plan->before + 13 + plan->after,
-                                              .made_size = 12 * IMPORT_BATCH,
+                                              .made_size = 12 * IMPORT_BATCH + 4,
                                               .convert = convert_triangles,
                                               .take = take_converted});
 }
