@@ -93,6 +93,9 @@ enum status ingest_end(struct ingest *ingest) MUST_CHECK;
  * records of all inputs into one form. */
 enum status ingest_finish(struct ingest *ingest) MUST_CHECK;
 
+/* A spool that grows beside others (between the two files). */
+void ingest_begin_spool(const struct ingest *ingest, struct spool *spool);
+
 /* Position of an input vertex, after ingest_finish. */
 static inline void ingest_position(const struct ingest *ingest, uint64_t vertex, double out[3])
 {
