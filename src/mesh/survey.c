@@ -181,7 +181,7 @@ static enum status join_links(struct surveying *work, uint64_t *unions)
                 has_first = true;
                 continue;
             }
-            if (links[i].key != first.key)
+            if ((links[i].key ^ first.key) > LINK_RUNS)
                 return fail(work->draft->ctx, STATUS_INTERNAL,
                             "an edge between slabs has one side");
             has_first = false;
@@ -190,9 +190,9 @@ static enum status join_links(struct surveying *work, uint64_t *unions)
                 work->rims[a < b ? b : a].up = a < b ? a : b;
                 ++*unions;
             }
-            if ((first.key & 1) == 0)
+            if ((first.key & LINK_AT_HIGHER) == 0)
                 unite_open(survey, first.component, links[i].component,
-                           1 ^ first.runs ^ links[i].runs);
+                           1 ^ (uint32_t)((first.key ^ links[i].key) & LINK_RUNS));
         }
     }
     if (status == STATUS_OK && has_first)

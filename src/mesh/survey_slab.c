@@ -45,11 +45,12 @@ static enum status add_half_link(const struct draft *draft, const struct surveyo
     uint32_t to = draft->faces[3 * (size_t)f + next3(leave)];
     const uint32_t i = f - s->scope->face_first;
     uint64_t code = f < over ? code_of(f, leave) : code_of(over, mate_of(draft->mates, f, leave));
+    const uint32_t runs = (uint32_t)(from < to) ^ (s->is_labelled ? s->components.label[i] & 1 : 0);
+    const bool is_higher = v == (from > to ? from : to);
     part->links[part->link_count++] = (struct half_link){
-        .key = code << 1 | (v == (from > to ? from : to)),
+        .key = code << 2 | (is_higher ? LINK_AT_HIGHER : 0) | (runs ? LINK_RUNS : 0),
         .fan = (uint32_t)(part->rim_count - 1),
         .component = s->marks[i] >> CORNER_BITS, /* until they are settled */
-        .runs = (uint32_t)(from < to) ^ (s->is_labelled ? s->components.label[i] & 1 : 0),
     };
     return STATUS_OK;
 }

@@ -9,12 +9,13 @@
 
 /* One end of an edge between two slabs, as one of the two faces sees it. */
 struct half_link {
-    uint64_t key; /* the edge by its lower face: (face << 2 | edge) << 1 | 1 at the higher vertex */
+    /* The edge, by its lower face: (face << 2 | edge) << 2; 2 at the higher vertex; 1 if a face of
+     * parity 0 would run from the lower to the higher vertex, as each of the two says. */
+    uint64_t key;
     uint32_t fan; /* at that end */
     uint32_t component;
-    uint32_t runs; /* 1 if a face of parity 0 would run from the lower to the higher vertex */
-    uint32_t unused;
 };
+enum { LINK_AT_HIGHER = 2, LINK_RUNS = 1 };
 
 struct rim_fan { /* a fan of a slab at a shared vertex */
     uint32_t vertex;
