@@ -8,6 +8,9 @@
 
 #include <math.h>
 #include <string.h>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
 #include "base/cpu.h"
 #include "base/lanes.h"
@@ -235,19 +238,73 @@ LANES_INLINE void put_edge(struct squares *squares, double square, uint32_t over
     squares->edge_count += over >= f;
 }
 
+#if defined(__x86_64__)
+
+/* The words of the doubles that a mask of four has, closed up. */
+static const uint32_t closed_up[16][8] = {
+    {0},
+    {0, 1},
+    {2, 3},
+    {0, 1, 2, 3},
+    {4, 5},
+    {0, 1, 4, 5},
+    {2, 3, 4, 5},
+    {0, 1, 2, 3, 4, 5},
+    {6, 7},
+    {0, 1, 6, 7},
+    {2, 3, 6, 7},
+    {0, 1, 2, 3, 6, 7},
+    {4, 5, 6, 7},
+    {0, 1, 4, 5, 6, 7},
+    {2, 3, 4, 5, 6, 7},
+    {0, 1, 2, 3, 4, 5, 6, 7},
+};
+
+/* The same for the edges of four faces from `first` on, squares[k] those of edge k, in order of
+ * faces, by vectors. */
+LANES_AVX2 static inline void put_edges(struct squares *squares, const double4 *edges,
+                                        const uint32_t *over, uint32_t first)
+{
+    const double4 a = __builtin_shufflevector(edges[0], edges[1], 0, 4, 2, 6);
+    const double4 b = __builtin_shufflevector(edges[1], edges[2], 1, 5, 3, 7);
+    const double4 c = __builtin_shufflevector(edges[2], edges[0], 0, 5, 2, 7);
+    const double4 rows[3] = {__builtin_shufflevector(a, c, 0, 1, 4, 5),
+                             __builtin_shufflevector(b, a, 0, 1, 6, 7),
+                             __builtin_shufflevector(c, b, 2, 3, 6, 7)};
+    const uint4 faces[3] = {{0, 0, 0, 1}, {1, 1, 2, 2}, {2, 3, 3, 3}};
+    for (unsigned r = 0; r < 3; r++) {
+        uint4 there;
+        memcpy(&there, over + 4 * r, sizeof there);
+        const unsigned counted = float4_bits((float4)(there >= faces[r] + first));
+        const __m256i words = _mm256_loadu_si256((const __m256i *)(const void *)closed_up[counted]);
+        const __m256i row = _mm256_permutevar8x32_epi32((__m256i)rows[r], words);
+        memcpy(squares->edges + squares->edge_count, &row, sizeof row);
+        squares->edge_count += (uint32_t)__builtin_popcount(counted);
+    }
+}
+
+#else
+
+static inline void put_edges(struct squares *squares, const double4 *edges, const uint32_t *over,
+                             uint32_t first)
+{
+    (void)squares, (void)edges, (void)over, (void)first; /* never called */
+}
+
+#endif
+
 /* Faces first to first + 3 of the draft. */
-LANES_INLINE void measure_four(struct measuring *m, size_t first)
+LANES_INLINE void measure_four(struct measuring *m, size_t first, bool is_wide)
 {
     struct squares *squares = m->found;
     double4 p[3][3], along[3][3], cross[3];
-    double edges[3][GROUP];
+    double4 edges[3];
     for (unsigned k = 0; k < 3; k++)
         load_corners(m, first, k, p[k]);
     for (unsigned k = 0; k < 3; k++) {
         for (unsigned c = 0; c < 3; c++)
             along[k][c] = p[next3(k)][c] - p[k][c];
-        const double4 square = square_of(along[k]);
-        memcpy(edges[k], &square, sizeof square);
+        edges[k] = square_of(along[k]);
     }
     for (unsigned c = 0; c < 3; c++)
         cross[c] = along[0][next3(c)] * along[1][previous3(c)] -
@@ -258,11 +315,14 @@ LANES_INLINE void measure_four(struct measuring *m, size_t first)
     if (any_zero(square)) /* as those of tiny ones may be, too */
         for (unsigned i = 0; i < GROUP; i++)
             m->sums.zero_area_faces += cross[0][i] == 0 && cross[1][i] == 0 && cross[2][i] == 0;
-    for (unsigned i = 0; i < GROUP; i++) {
-        const uint32_t *over = m->draft->neighbours + 3 * (first + i);
-        for (unsigned k = 0; k < 3; k++)
-            put_edge(squares, edges[k][i], over[k], first + i);
+    const uint32_t *over = m->draft->neighbours + 3 * first;
+    if (is_wide) {
+        put_edges(squares, edges, over, (uint32_t)first);
+        return;
     }
+    for (unsigned i = 0; i < GROUP; i++)
+        for (unsigned k = 0; k < 3; k++)
+            put_edge(squares, edges[k][i], over[3 * i + k], first + i);
 }
 
 /* The same for one face. */
@@ -284,14 +344,14 @@ static void measure_face(struct measuring *m, size_t f)
         put_edge(squares, vec3_dot(along[k], along[k]), over[k], f);
 }
 
-LANES_INLINE void measure_all(struct measuring *m)
+LANES_INLINE void measure_all(struct measuring *m, bool is_wide)
 {
     const size_t first = m->scope->face_first;
     const uint32_t most = m->draft->slab_count > 1 ? NOISE_SAMPLES_OF_MANY : NOISE_SAMPLES;
     const uint32_t count = m->scope->face_count, spacing = count / most + 1;
     uint32_t i = 0, sample = 0; /* the next for the noise, looked at with its neighbours at hand */
     for (; i + GROUP <= count; i += GROUP) {
-        measure_four(m, first + i);
+        measure_four(m, first + i, is_wide);
         add_share(m);
         if (m->found->face_count == ROOTS)
             turn_over(m);
@@ -314,12 +374,12 @@ LANES_INLINE void measure_all(struct measuring *m)
 
 static void measure_all_scalar(struct measuring *m)
 {
-    measure_all(m);
+    measure_all(m, false);
 }
 
 LANES_AVX2 static void measure_all_avx2(struct measuring *m)
 {
-    measure_all(m);
+    measure_all(m, true);
 }
 
 void measure_slab(const struct draft *draft, const struct slab_scope *scope, const float *own,
