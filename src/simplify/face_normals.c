@@ -255,19 +255,48 @@ static void spread_normals(const struct slab_local *local, float *normals, float
     }
 }
 
+/* The sum of a face's normal and its edge neighbours'. */
+static inline float4 sum_round(const struct slab_local *local, const float *from, size_t f)
+{
+    const uint32_t *face = local->faces + FACE_STRIDE * f;
+    return float4_load(from + NORMAL_STRIDE * f) + link_normal(from, face[5]) +
+           link_normal(from, face[1]) + link_normal(from, face[3]);
+}
+
+/* Four faces from f on, whose roots and divisions are made together; where normals cancel out, the
+ * face keeps its own. */
+static inline void smooth_four(const struct slab_local *local, const float *from, size_t f,
+                               float *to)
+{
+    float4 sums[4], squares[4], inverse;
+    for (unsigned i = 0; i < 4; i++) {
+        sums[i] = sum_round(local, from, f + i);
+        squares[i] = sums[i] * sums[i];
+    }
+    float4_transpose(squares);
+    const float4 length2 = squares[0] + squares[1] + squares[2];
+    for (unsigned i = 0; i < 4; i++)
+        inverse[i] = sqrtf(length2[i]);
+    inverse = 1 / inverse;
+    const unsigned cancel_out = float4_bits((float4)(length2 < 1e-6f));
+    for (unsigned i = 0; i < 4; i++) {
+        const float4 own = float4_load(from + NORMAL_STRIDE * (f + i));
+        const float4 result = sums[i] * inverse[i];
+        float4_store(to + NORMAL_STRIDE * (f + i),
+                     cancel_out >> i & 1 ? own : __builtin_shufflevector(result, own, 0, 1, 2, 7));
+    }
+}
 static void smooth_once(const struct slab_local *local, const float *from, float *to)
 {
-    for (uint32_t f = 0; f < local->face_count; f++) {
-        const size_t at = NORMAL_STRIDE * (size_t)f;
-        const float4 own = float4_load(from + at);
-        const float4 sum = own + link_normal(from, face_link(local, f, 0)) +
-                           link_normal(from, face_link(local, f, 1)) +
-                           link_normal(from, face_link(local, f, 2));
+    size_t f = 0;
+    for (; f + 4 <= local->face_count; f += 4)
+        smooth_four(local, from, f, to);
+    for (; f < local->face_count; f++) {
+        const float4 own = float4_load(from + NORMAL_STRIDE * f), sum = sum_round(local, from, f);
         const float length2 = float4_sum3(sum * sum);
-        const float inverse = 1 / sqrtf(length2);
-        float4 result = sum * inverse;
-        result[3] = own[3];
-        float4_store(to + at, length2 < 1e-6f ? own : result); /* they cancel out: its own */
+        const float4 result = sum * (1 / sqrtf(length2));
+        float4_store(to + NORMAL_STRIDE * f,
+                     length2 < 1e-6f ? own : __builtin_shufflevector(result, own, 0, 1, 2, 7));
     }
 }
 

@@ -129,7 +129,8 @@ static inline bool fits(const struct sprout *sprout, float4 neighbour, float4 no
 {
     const struct growth_bounds *bounds = &sprout->bounds[joint != JOINT_ALONE];
     const float4 dots = float4_dots(normal, neighbour, normal, sprout->sum);
-    return (dots[0] >= bounds->face) & (dots[1] >= bounds->patch * sprout->length);
+    const float4 least = {bounds->face, bounds->patch * sprout->length};
+    return (float4_bits((float4)(dots >= least)) & 3) == 3;
 }
 
 static inline bool is_feasible(const struct sprout *sprout, float4 neighbour, uint32_t from,

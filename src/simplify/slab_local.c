@@ -45,9 +45,9 @@ static uint32_t foreign_index(const uint32_t *foreign, uint32_t count, uint32_t 
     return low < count && foreign[low] == vertex ? low : count;
 }
 
-/* A corner that is not the slab's own vertex. */
-static enum status foreign_corner(struct context *ctx, const struct slab *slab, size_t corner,
-                                  struct slab_local *local, uint32_t *vertex)
+/* The local number of a corner's vertex. */
+static enum status find_corner(struct context *ctx, const struct slab *slab, size_t corner,
+                               struct slab_local *local, uint32_t *vertex)
 {
     *vertex = slab->faces[corner] - slab->vertex_first;
     if (*vertex < local->own_count)
@@ -61,60 +61,9 @@ static enum status foreign_corner(struct context *ctx, const struct slab *slab, 
     return STATUS_OK;
 }
 
-/* Three numbers of a face in a vector. */
-static inline uint4 load_three(const uint32_t *from)
-{
-    uint4 three = {0};
-    memcpy(&three, from, 3 * sizeof *from);
-    return three;
-}
-
-/* The same where a fourth, of no matter, lies behind them. */
-static inline uint4 load_four(const uint32_t *from)
-{
-    uint4 four;
-    memcpy(&four, from, sizeof four);
-    return four;
-}
-
-/* A range of numbers, for three at a time. */
-struct range {
-    uint4 first;
-    int4 end; /* from the first on, less 2^31: vectors compare signed numbers */
-};
-
-static struct range range_of(uint32_t first, uint32_t count)
-{
-    const int32_t end = (int32_t)(count ^ 0x80000000);
-    return (struct range){{first, first, first, 0}, {end, end, end, INT32_MAX}};
-}
-
-/* False when all of the first three lanes, which count from the range's first, are in it; the
- * fourth is hardly ever the cause that it is true. */
-static inline bool any_beyond(uint4 three, struct range range)
-{
-    const uint4 inside = (uint4)(range.end > (int4)(three ^ 0x80000000));
-    uint64_t words[2];
-    memcpy(words, &inside, sizeof words);
-    return (words[0] & words[1]) != UINT64_MAX;
-}
-
-/* Local numbers of a face's corners, of which at least one is not the slab's own vertex. */
-static enum status find_corners(struct context *ctx, const struct slab *slab, size_t f,
-                                struct slab_local *local, uint4 *vertices)
-{
-    enum status status = STATUS_OK;
-    for (unsigned k = 0; k < 3 && !status; k++) {
-        uint32_t vertex = 0;
-        status = foreign_corner(ctx, slab, 3 * f + k, local, &vertex);
-        (*vertices)[k] = vertex;
-    }
-    return status;
-}
-
-/* A link out of the slab, or one that no slab has. */
-static enum status beyond_link(struct context *ctx, const struct slab *slab, size_t f, unsigned k,
-                               struct slab_local *local, uint32_t *link)
+/* What lies over an edge. */
+static enum status find_link(struct context *ctx, const struct slab *slab, size_t f, unsigned k,
+                             struct slab_local *local, uint32_t *link)
 {
     const uint32_t neighbour = slab->neighbours[3 * f + k], face = neighbour - slab->face_first;
     const unsigned mate = slab->mates[f] >> 2 * k & 3;
@@ -130,17 +79,24 @@ static enum status beyond_link(struct context *ctx, const struct slab *slab, siz
     return STATUS_OK;
 }
 
-/* At least one of a face's links is none of the slab's. */
-static enum status find_links(struct context *ctx, const struct slab *slab, size_t f,
-                              struct slab_local *local, uint4 *links)
+/* A face's eight numbers, whatever its vertices and neighbours are. */
+static enum status fill_face(struct context *ctx, const struct slab *slab, size_t f,
+                             struct slab_local *local)
 {
     const size_t seam_links = local->seam_links;
+    uint32_t *to = local->faces + FACE_STRIDE * f, vertices[3] = {0}, links[3] = {0};
     enum status status = STATUS_OK;
     for (unsigned k = 0; k < 3 && !status; k++) {
-        uint32_t link = 0;
-        status = beyond_link(ctx, slab, f, k, local, &link);
-        (*links)[k] = link;
+        status = find_corner(ctx, slab, 3 * f + k, local, &vertices[k]);
+        if (!status)
+            status = find_link(ctx, slab, f, k, local, &links[k]);
     }
+    for (unsigned k = 0; k < 3; k++) {
+        to[2 * k] = vertices[previous3(k)];
+        to[2 * k + 1] = links[next3(k)];
+    }
+    to[FACE_USER] = 0;
+    to[FACE_USER + 1] = links[1];
     if (status || local->seam_links == seam_links)
         return status;
     status = memory_reserve(ctx, &local->seam_faces, &local->seam_face_capacity,
@@ -148,6 +104,34 @@ static enum status find_links(struct context *ctx, const struct slab *slab, size
     if (!status)
         local->seam_faces[local->seam_face_count++] = (uint32_t)f;
     return status;
+}
+
+/* ---- faces that have nothing beyond the slab ---- */
+
+/* Three numbers of a face, and a fourth, of no matter, that lies behind them. */
+static inline uint4 load_four(const uint32_t *from)
+{
+    uint4 four;
+    memcpy(&four, from, sizeof four);
+    return four;
+}
+
+/* The numbers from `first` on, so many, in each lane. */
+struct range {
+    uint4 first;
+    int4 end; /* from the first on, less 2^31: vectors compare signed numbers */
+};
+
+static struct range range_of(uint32_t first, uint32_t count)
+{
+    const int32_t end = (int32_t)(count ^ 0x80000000);
+    return (struct range){{first, first, first, first}, {end, end, end, end}};
+}
+
+/* Which lanes, that count from the range's first, are in it. */
+static inline int4 are_inside(uint4 numbers, struct range range)
+{
+    return range.end > (int4)(numbers ^ 0x80000000);
 }
 
 /* Writes a face's eight numbers; its vertices come as the store has them. */
@@ -162,34 +146,42 @@ static inline void put_face(uint4 vertices, uint4 links, uint32_t *to)
     memcpy(to + 4, &high, sizeof high);
 }
 
+/* Fills faces from f on, up to the first that has a vertex or a neighbour that is not the slab's
+ * own, or an edge number above 2, or to the last, behind which there is no fourth number; returns
+ * which that is. */
+static size_t fill_plain_faces(const struct slab *slab, const struct slab_local *local,
+                               const uint4 places[64], size_t f)
+{
+    const struct range own = range_of(slab->vertex_first, local->own_count);
+    const struct range inside = range_of(slab->face_first, slab->face_count);
+    const uint32_t *corners = slab->faces, *neighbours = slab->neighbours;
+    const uint8_t *mates = slab->mates;
+    uint32_t *to = local->faces;
+    for (; f + 1 < slab->face_count; f++) {
+        const uint4 vertices = load_four(corners + 3 * f) - own.first;
+        const uint4 faces = load_four(neighbours + 3 * f) - inside.first;
+        const int4 is_plain = are_inside(vertices, own) & are_inside(faces, inside);
+        if ((float4_bits((float4)is_plain) & 7) != 7 || (mates[f] & mates[f] >> 1 & 0x15) != 0)
+            return f;
+        put_face(vertices, faces << 3 | places[mates[f] & 63], to + FACE_STRIDE * f);
+    }
+    return f;
+}
+
 static enum status fill_faces(struct context *ctx, const struct slab *slab,
                               struct slab_local *local)
 {
     uint4 places[64]; /* a face's three mates, from their six bits */
     for (uint32_t i = 0; i < 64; i++)
         places[i] = (uint4){(i & 3) << 1, (i >> 2 & 3) << 1, i >> 4 << 1, 0};
-    const struct range own = range_of(slab->vertex_first, local->own_count);
-    const struct range inside = range_of(slab->face_first, slab->face_count);
     const size_t count = slab->face_count;
-    const uint32_t *corners = slab->faces, *neighbours = slab->neighbours;
-    const uint8_t *mates = slab->mates;
-    uint32_t *to = local->faces;
     enum status status = STATUS_OK;
     local->seam_links = local->seam_face_count = 0;
-    for (size_t f = 0; f < count && !status;
-         f++, corners += 3, neighbours += 3, to += FACE_STRIDE) {
-        const bool is_last = f + 1 == count;
-        uint4 vertices = (is_last ? load_three(corners) : load_four(corners)) - own.first;
-        if (any_beyond(vertices, own))
-            status = find_corners(ctx, slab, f, local, &vertices);
-        const uint4 faces =
-            (is_last ? load_three(neighbours) : load_four(neighbours)) - inside.first;
-        uint4 links = faces << 3 | places[mates[f] & 63];
-        if (!status && (any_beyond(faces, inside) || (mates[f] & mates[f] >> 1 & 0x15) != 0))
-            status = find_links(ctx, slab, f, local, &links);
-        put_face(vertices, links, to);
+    for (size_t f = 0; f < count && !status; f++) {
+        f = fill_plain_faces(slab, local, places, f);
+        status = fill_face(ctx, slab, f, local);
     }
-    memset(to, 0, BEYOND_COUNT * FACE_STRIDE * sizeof *to);
+    memset(local->faces + FACE_STRIDE * count, 0, BEYOND_COUNT * FACE_STRIDE * sizeof(uint32_t));
     return status;
 }
 
