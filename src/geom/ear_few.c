@@ -39,24 +39,33 @@ static inline bool is_blocked(const struct few *few, uint32_t corner)
     return false;
 }
 
+/* The key of a corner that is convex and not blocked. */
+static inline double openness_at(const struct few *few, uint32_t corner)
+{
+    const struct grid_point a = few->points[few->previous[corner]], b = few->points[corner],
+                            c = few->points[few->next[corner]];
+    return ear_openness(a, b, c, few->squares[few->previous[corner]] * few->squares[corner]);
+}
+
 /* Sets a corner's key; `turn` is turn_at. */
 static inline void judge(struct few *few, uint32_t corner, int64_t turn)
 {
-    few->key[corner] = NOT_AN_EAR;
-    if (turn <= 0 || few->forbidden >> corner & 1 || is_blocked(few, corner))
-        return;
-    const struct grid_point a = few->points[few->previous[corner]], b = few->points[corner],
-                            c = few->points[few->next[corner]];
-    const double lengths = few->squares[few->previous[corner]] * few->squares[corner];
-    few->key[corner] = ear_openness(a, b, c, lengths);
+    const bool is_ear =
+        turn > 0 && !(few->forbidden >> corner & 1) && !(few->blockers && is_blocked(few, corner));
+    few->key[corner] = is_ear ? openness_at(few, corner) : NOT_AN_EAR;
 }
 
-/* A neighbour of the corner has been cut: its triangle is another one. */
+/* A neighbour of the corner has been cut: its triangle is another one. (What is left of a convex
+ * loop is convex.) */
 static inline void update(struct few *few, uint32_t corner)
 {
-    const int64_t turn = turn_at(few, corner);
     const uint64_t bit = UINT64_C(1) << corner;
     few->forbidden &= ~bit;
+    if (few->blockers == 0) {
+        few->key[corner] = openness_at(few, corner);
+        return;
+    }
+    const int64_t turn = turn_at(few, corner);
     few->blockers = turn <= 0 ? few->blockers | bit : few->blockers & ~bit;
     judge(few, corner, turn);
 }

@@ -2,8 +2,9 @@
  * Does a loop cross or touch itself?
  *
  * Testing all pairs of edges is quadratic; a hash of grid cells is quick for short edges, but a
- * comb of 30,000 long slanting teeth fills it up. So: convex loops are recognised in one pass;
- * small loops do test all pairs; others go through the sweep of Shamos and Hoey (1976). A vertical
+ * comb of 30,000 long slanting teeth fills it up. So: convex loops, and those that go
+ * round their middle as a star does, are recognised in one pass; of others small ones do test all
+ * pairs, and large ones go through the sweep of Shamos and Hoey (1976). A vertical
  * line moves over the plane and meets the loop's points in order of x, then y. The edges that it
  * crosses are kept in a search tree from below to above, and whenever two become neighbours there,
  * they are tested. The first pair that touches ends the sweep, so the order in the tree is always
@@ -107,6 +108,31 @@ static bool is_convex(const struct grid_point *points, uint32_t n)
         rounds += points_down(a, b) && !points_down(b, c);
         a = b;
         b = c;
+    }
+    return rounds == 1;
+}
+
+/* Seen from the mean of its points it goes round once and never back: so most loops of patches do.
+ */
+static bool is_star(const struct grid_point *points, uint32_t n)
+{
+    int64_t x = 0, y = 0;
+    for (uint32_t i = 0; i < n; i++) {
+        x += points[i].x;
+        y += points[i].y;
+    }
+    const struct grid_point mean = {(int32_t)(x / n), (int32_t)(y / n)};
+    unsigned rounds = 0;
+    struct grid_point a = points[n - 1];
+    bool was_down = points_down(mean, a);
+    for (uint32_t i = 0; i < n; i++) {
+        const struct grid_point b = points[i];
+        const bool is_down = points_down(mean, b);
+        if (orientation(mean, a, b) <= 0)
+            return false;
+        rounds += was_down && !is_down;
+        was_down = is_down;
+        a = b;
     }
     return rounds == 1;
 }
@@ -347,7 +373,7 @@ static bool sweep_finds_nothing(struct sweep *sweep, const struct grid_key *orde
 enum status loop_is_simple(struct context *ctx, struct scratch *scratch,
                            const struct grid_point *points, uint32_t n, bool *simple)
 {
-    *simple = is_convex(points, n);
+    *simple = is_convex(points, n) || is_star(points, n);
     if (*simple)
         return STATUS_OK;
     if (n <= PAIRWISE_MAX) {

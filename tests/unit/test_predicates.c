@@ -1,4 +1,6 @@
 /* Exact predicates on the grid, and whether loops are simple: against slow definitions. */
+#include <math.h>
+
 #include "geom/point_tree.h"
 #include "geom/simple_loop.h"
 #include "test_kit.h"
@@ -122,6 +124,16 @@ static void make_star(struct grid_point *p, uint32_t n, int32_t size, uint64_t *
     shape_free(&shape);
 }
 
+/* Bends a loop to a horseshoe, of which no place sees all. */
+static void bend(struct grid_point *p, uint32_t n, int32_t size)
+{
+    for (uint32_t i = 0; i < n; i++) {
+        const double angle = 5.5 * p[i].x / size, radius = 0.3 + 0.2 * p[i].y / size;
+        p[i].x = (int32_t)((0.5 + radius * cos(angle)) * size);
+        p[i].y = (int32_t)((0.5 + radius * sin(angle)) * size);
+    }
+}
+
 static void loops_agree_with_the_definition(void **state)
 {
     (void)state;
@@ -139,6 +151,8 @@ static void loops_agree_with_the_definition(void **state)
                 p[i] = random_point(&seed, size);
         else
             make_star(p, n, size, &seed);
+        if (round % 7 < 2)
+            bend(p, n, size);
         if (round % 4 == 2)
             p[random_below(&seed, n)] = random_point(&seed, size);
         if (round % 4 == 3) /* a touch: a corner moved into another, or onto an edge's middle */
@@ -151,6 +165,27 @@ static void loops_agree_with_the_definition(void **state)
     assert_true(simple > total / 6 && simple < total * 5 / 6);
     scratch_clear(&ctx, &scratch);
     assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+}
+
+/* Pentagrams and the like turn left all the way and go round their middle more than once. */
+static void loops_that_go_round_twice_are_not_simple(void **state)
+{
+    (void)state;
+    struct context ctx;
+    context_init(&ctx);
+    struct scratch scratch = {0};
+    struct grid_point p[61];
+    for (uint32_t n = 5; n <= 61; n += 2)
+        for (uint32_t rounds = 1; rounds <= 2; rounds++) {
+            for (uint32_t i = 0; i < n; i++) {
+                const double angle = 2 * acos(-1) * rounds * i / n, radius = i % 2 ? 0.4 : 0.3;
+                p[i].x = (int32_t)((0.5 + radius * cos(angle)) * GRID_SIZE);
+                p[i].y = (int32_t)((0.5 + radius * sin(angle)) * GRID_SIZE);
+            }
+            assert_int_equal(is_simple(&ctx, &scratch, p, n), rounds == 1);
+        }
+    scratch_clear(&ctx, &scratch);
     context_clear(&ctx);
 }
 
@@ -257,6 +292,7 @@ int main(void)
         cmocka_unit_test(orientation_is_exact_at_the_ends_of_the_grid),
         cmocka_unit_test(segments_agree_with_the_definition),
         cmocka_unit_test(loops_agree_with_the_definition),
+        cmocka_unit_test(loops_that_go_round_twice_are_not_simple),
         cmocka_unit_test(straight_and_vertical_edges_are_no_crossing),
         cmocka_unit_test(large_combs_are_tested_quickly),
         cmocka_unit_test(tree_finds_what_a_plain_loop_finds),
