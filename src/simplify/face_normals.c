@@ -268,15 +268,16 @@ static inline float4 sum_round(const struct slab_local *local, const float *from
 static inline void smooth_four(const struct slab_local *local, const float *from, size_t f,
                                float *to)
 {
-    float4 sums[4], squares[4], inverse;
+    float4 sums[4], squares[4];
     for (unsigned i = 0; i < 4; i++) {
         sums[i] = sum_round(local, from, f + i);
         squares[i] = sums[i] * sums[i];
     }
     float4_transpose(squares);
     const float4 length2 = squares[0] + squares[1] + squares[2];
+    float4 inverse = length2;
     for (unsigned i = 0; i < 4; i++)
-        inverse[i] = sqrtf(length2[i]);
+        inverse[i] = sqrtf(inverse[i]);
     inverse = 1 / inverse;
     const unsigned cancel_out = float4_bits((float4)(length2 < 1e-6f));
     for (unsigned i = 0; i < 4; i++) {
