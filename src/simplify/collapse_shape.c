@@ -146,18 +146,28 @@ LANES_INLINE void compare_fans(const struct edge_change *change, int end, uint32
         changes[k] = now[k] - before[k];
 }
 
-/* Adds eight sums, or as many as there are, to the fans of ring vertices. */
-LANES_INLINE void add_to_fans(struct collapse *c, const uint32_t *vertices, uint32_t count,
-                              float8 sums[9])
+/* The sums of eight vectors' lanes, each in lanes_sum's order. */
+LANES_INLINE float8 eight_sums(const float8 v[LANES])
 {
-    float last[LANES];
-    lanes_store(last, sums[8]);
-    lanes_transpose(sums);
-    for (uint32_t i = 0; i < count && i < LANES; i++) {
-        float *fan = (float *)&c->vertices[vertices[i]].fan; /* nine of them */
-        lanes_store(fan, lanes_load(fan) + sums[i]);
-        fan[8] += last[i];
-    }
+    float8 r[LANES];
+    memcpy(r, v, sizeof r);
+    lanes_transpose(r);
+    return ((r[0] + r[4]) + (r[2] + r[6])) + ((r[1] + r[5]) + (r[3] + r[7]));
+}
+
+/* What faces change, a row each: eight of the nine numbers, and the ninth. */
+struct face_rows {
+    float8 rows[LANES];
+    float ninths[LANES];
+};
+
+LANES_INLINE void make_rows(const float8 changes[9], struct face_rows *faces)
+{
+    float8 rows[LANES];
+    memcpy(rows, changes, sizeof rows);
+    lanes_transpose(rows);
+    memcpy(faces->rows, rows, sizeof rows);
+    lanes_store(faces->ninths, changes[8]);
 }
 
 /* Adds to each neighbour's fan the changes of the two faces at its edge: what stands in front of
@@ -169,27 +179,25 @@ LANES_INLINE void change_fans(struct collapse *c, const struct edge_change *chan
     const struct ring *ring = &change->looks[end]->ring;
     const uint32_t last = ring->count - 1;
     float8 now[9], changes[9];
-    float before[9];
-    if (ring->count > LANES)
-        compare_fans(change, end, last / LANES * LANES, now, changes);
-    else
-        compare_fans(change, end, 0, now, changes);
-    for (int k = 0; k < 9; k++)
-        before[k] = changes[k][last % LANES];
+    struct face_rows faces;
+    compare_fans(change, end, last / LANES * LANES, now, changes);
+    make_rows(changes, &faces);
+    float8 before = faces.rows[last % LANES];
+    float ninth = faces.ninths[last % LANES];
     for (uint32_t first = 0; first < ring->count; first += LANES) {
-        float8 sums[9];
-        if (ring->count > LANES)
+        if (ring->count > LANES) {
             compare_fans(change, end, first, now, changes);
-        for (int k = 0; k < 9; k++) {
-            float8 shifted =
-                __builtin_shufflevector(changes[k], changes[k], 7, 0, 1, 2, 3, 4, 5, 6);
-            const float next = shifted[0];
-            shifted[0] = before[k];
-            before[k] = next;
-            fresh[k] += now[k];
-            sums[k] = shifted + changes[k];
+            make_rows(changes, &faces);
         }
-        add_to_fans(c, ring->vertices + first, ring->count - first, sums);
+        for (int k = 0; k < 9; k++)
+            fresh[k] += now[k];
+        for (uint32_t i = 0; i < LANES && first + i < ring->count; i++) {
+            float *fan = (float *)&c->vertices[ring->vertices[first + i]].fan; /* nine of them */
+            lanes_store(fan, lanes_load(fan) + (before + faces.rows[i]));
+            fan[8] += ninth + faces.ninths[i];
+            before = faces.rows[i];
+            ninth = faces.ninths[i];
+        }
     }
 }
 
@@ -198,11 +206,9 @@ LANES_INLINE void update_fans(struct collapse *c, const struct edge_change *chan
     float8 fresh[9] = {{0}};
     for (int end = 0; end < 2; end++)
         change_fans(c, change, end, fresh);
-    struct fan *fan = &c->vertices[kept].fan;
-    for (int k = 0; k < 6; k++)
-        fan->square[k] = lanes_sum(fresh[k]);
-    for (int k = 0; k < 3; k++)
-        fan->normal[k] = lanes_sum(fresh[6 + k]);
+    float *fan = (float *)&c->vertices[kept].fan;
+    lanes_store(fan, eight_sums(fresh));
+    fan[8] = lanes_sum(fresh[8]);
 }
 
 static void update_fans_scalar(struct collapse *c, const struct edge_change *change, uint32_t kept)
