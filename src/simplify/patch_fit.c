@@ -121,7 +121,8 @@ static void clear_excerpt(struct context *ctx, struct excerpt *excerpt)
 
 /* Chooses the excerpt's faces: those first met breadth-first from face `first` of an open slab,
  * over edges, so that they hang together even where the order is not local. `list` gets them,
- * ascending. */
+ * ascending; it has room for one more, since every neighbour is written, and counts if it is new.
+ */
 static void choose_faces(const struct slab *slab, uint32_t first, uint32_t wanted,
                          struct ranked_bits *faces, uint32_t *list)
 {
@@ -135,13 +136,14 @@ static void choose_faces(const struct slab *slab, uint32_t first, uint32_t wante
             continue;
         }
         const uint32_t *neighbours = slab->neighbours + 3 * (size_t)list[head++];
-        for (unsigned k = 0; k < 3 && count < wanted; k++) {
+        for (unsigned k = 0; k < 3; k++) {
             const uint32_t face = neighbours[k] - slab->face_first;
-            if (neighbours[k] != NO_INDEX && face < slab->face_count &&
-                !bit_is_set(faces->bits, face)) {
-                bit_set(faces->bits, face);
-                list[count++] = face;
-            }
+            if (neighbours[k] == NO_INDEX || face >= slab->face_count)
+                continue;
+            const bool is_new = !bit_is_set(faces->bits, face) & (count < wanted);
+            faces->bits[face / 64] |= (uint64_t)is_new << face % 64;
+            list[count] = face;
+            count += is_new;
         }
     }
     ranked_bits_sum(faces);
@@ -200,7 +202,7 @@ static enum status copy_excerpt(struct context *ctx, const struct slab *slab, ui
         (size_t)(slab->vertex_end - slab->vertex_first) + slab->foreign_count;
     struct ranked_bits faces = {0}, vertices = {0};
     uint32_t *list = NULL, *places = NULL;
-    enum status status = memory_take(ctx, excerpt->face_count, sizeof *list, &list);
+    enum status status = memory_take(ctx, (size_t)excerpt->face_count + 1, sizeof *list, &list);
     if (!status)
         status = memory_take(ctx, corners, sizeof *places, &places);
     if (!status)
@@ -214,7 +216,7 @@ static enum status copy_excerpt(struct context *ctx, const struct slab *slab, ui
     ranked_bits_clear(ctx, &vertices);
     ranked_bits_clear(ctx, &faces);
     memory_release(ctx, &places, corners, sizeof *places);
-    memory_release(ctx, &list, excerpt->face_count, sizeof *list);
+    memory_release(ctx, &list, (size_t)excerpt->face_count + 1, sizeof *list);
     return status;
 }
 

@@ -148,11 +148,10 @@ static inline void add_normal(struct sprout *sprout, float4 normal, float weight
     sprout->area += weight;
 }
 
-/* Asks memory for what the face behind a link will be looked at by. */
+/* Asks memory for what the face behind a link will be looked at by first. */
 static inline void expect(const struct sprout *sprout, uint32_t link)
 {
     __builtin_prefetch(sprout->faces + link);
-    __builtin_prefetch(sprout->normals + NORMAL_STRIDE * (size_t)link_face(link));
 }
 
 /* The node whose edge a face changes that is added over the edge from node `from`. */

@@ -318,6 +318,8 @@ enum status seam_join_link(struct seam_join *join, struct seam_counts *counts)
     if (!status)
         status = sorter_open(join->ctx, sizeof(struct chain_vertex), 2 * sizeof(uint64_t),
                              join->sorter_limit, join->beside, &join->chains);
+    if (!status) /* two views of each vertex; with short chains, of many twice */
+        status = sorter_expect(join->chains, 3 * sorter_count(join->pairs));
     if (!status) {
         sorter_comes_ordered(join->chains, 63); /* by place; but for the patches */
         status = link_pairs(join, counts);
