@@ -9,7 +9,7 @@
 /* Of one vertex; all zero at first, and on a multiple of 16 bytes. */
 struct bulge {
     _Alignas(16) float sum[3]; /* of the heights of the patches round it, along their normals */
-    float count;  /* of these patches; INFINITY: the vertex stays */
+    float count;               /* of these patches; INFINITY: the vertex stays */
 };
 
 void bulge_hold(struct bulge *bulges, uint32_t vertex);

@@ -37,15 +37,11 @@ static uint32_t worst_interior(const struct small_builder *b, uint32_t chain,
     return small_line_interior(line, worst - 1);
 }
 
-void small_chain_cut(struct small_builder *b, uint32_t chain)
+/* A chain that has vertices between its ends. */
+static void cut_line(struct small_builder *b, uint32_t chain, struct chain_line line)
 {
-    const struct chain_line line = small_chain_line(b, chain);
     const uint32_t length = line.interior_count + 2;
     const float *positions = b->block->positions;
-    b->keep[line.start] = b->keep[line.end] = 1;
-    b->segment_count++;
-    if (length == 2)
-        return;
     memcpy(b->line, positions + 3 * (size_t)line.start, 3 * sizeof(float));
     for (uint32_t i = 1; i + 1 < length; i++)
         memcpy(b->line + 3 * (size_t)i, positions + 3 * (size_t)small_line_interior(&line, i - 1),
@@ -61,13 +57,24 @@ void small_chain_cut(struct small_builder *b, uint32_t chain)
         const bool is_kept = (double)b->line_errors[i] > tolerance;
         b->keep[small_line_interior(&line, i - 1)] |= is_kept;
         kept += is_kept;
-        dropped = is_kept ? dropped : fmaxf(dropped, b->line_errors[i]);
+        dropped = is_kept || !(b->line_errors[i] > dropped) ? dropped : b->line_errors[i];
     }
     b->dropped[chain] = dropped;
     b->segment_count += kept;
     if (kept == 0 &&
         (small_is_seam(b, chain) || (small_on_seam(b, line.start) && small_on_seam(b, line.end))))
         b->keep[worst_interior(b, chain, &line, &metric)] = 1;
+}
+
+void small_chains_cut(struct small_builder *b)
+{
+    for (uint32_t chain = 0; chain < b->chain_total; chain++) {
+        const struct chain_line line = small_chain_line(b, chain);
+        b->keep[line.start] = b->keep[line.end] = 1;
+        b->segment_count++;
+        if (line.interior_count > 0)
+            cut_line(b, chain, line);
+    }
 }
 
 void small_chain_give_back(struct small_builder *b, uint32_t chain)

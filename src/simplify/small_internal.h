@@ -194,9 +194,9 @@ void small_edges_drop(struct small_builder *builder);
 
 /* ---- small_chains.c ---- */
 
-/* Marks the chain's vertices that its halving errors put above the tolerance, and its ends. */
-void small_chain_cut(struct small_builder *builder, uint32_t chain);
-/* Marks all its vertices. */
+/* Marks all chains' ends, and the vertices that their halving errors put above the tolerance. */
+void small_chains_cut(struct small_builder *builder);
+/* Marks all vertices of a chain. */
 void small_chain_give_back(struct small_builder *builder, uint32_t chain);
 
 /* ---- small_patches.c ---- */

@@ -123,8 +123,7 @@ static enum status reserve_faces(struct small_builder *b)
 
 static enum status cut_chains(struct small_builder *b)
 {
-    for (uint32_t chain = 0; chain < b->chain_total; chain++)
-        small_chain_cut(b, chain);
+    small_chains_cut(b);
     enum status status =
         small_edges_reserve(b, (size_t)b->block->diagonal_count + b->segment_count);
     if (status != STATUS_OK)
