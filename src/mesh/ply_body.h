@@ -38,8 +38,8 @@ enum status ply_skip_rows(struct ply *ply) MUST_CHECK;
 bool ply_vertices_are_plain(const struct ply *ply);
 enum status ply_read_plain_vertices(struct ply *ply) MUST_CHECK;
 /*
- * As many of the next `count` rows of `size` bytes as all threads can read at once: a multiple of
- * IMPORT_BATCH, none where there is no plain file. `convert`, in any thread,
+ * As many of the element's further rows of `row_size` bytes as all threads can read at once: none
+ * where there are few, or no plain file. `convert`, in any thread,
  * makes of `count` rows what `take`, row by row in their order, is given; false: the rows are not
  * what is expected, and reading stops before them. ply->row counts those that were taken.
  */
@@ -47,7 +47,7 @@ struct ply_split {
     struct ply *ply;
     const void *plan;
     size_t row_size;
-    size_t made_size; /* bytes that convert makes of IMPORT_BATCH rows */
+    size_t made_size; /* bytes that convert makes of IMPORT_BATCH rows, the most */
     bool (*convert)(const void *plan, const unsigned char *rows, size_t count, void *made);
     enum status (*take)(struct ply *ply, const void *plan, size_t count, void *made);
 };
