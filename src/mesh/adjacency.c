@@ -431,16 +431,27 @@ static enum status find_duplicates(struct build *build)
 
 /* ---- the whole ---- */
 
+/* Room for the neighbours, which may have been made ready (draft_number.c). */
+static enum status take_neighbours(struct draft *draft)
+{
+    struct spool *spool = &draft->neighbour_spool;
+    const uint64_t size = draft->face_count * 3 * sizeof(uint32_t);
+    if (!draft->neighbours && spool->memory && spool->size == size) {
+        draft->neighbours = (uint32_t *)(void *)spool->memory;
+        return STATUS_OK;
+    }
+    spool_clear(spool);
+    return room_scratch(&draft->room, spool, size, &draft->neighbours);
+}
+
 static enum status prepare(struct build *build)
 {
     struct draft *draft = build->draft;
     struct context *ctx = draft->ctx;
-    spool_clear(&draft->neighbour_spool);
     spool_clear(&draft->mate_spool);
     enum status status = draft_judge_slabs(draft);
     if (status == STATUS_OK)
-        status = room_scratch(&draft->room, &draft->neighbour_spool,
-                              draft->face_count * 3 * sizeof(uint32_t), &draft->neighbours);
+        status = take_neighbours(draft);
     if (status == STATUS_OK)
         status = room_scratch(&draft->room, &draft->mate_spool, draft->face_count, &draft->mates);
     if (status == STATUS_OK)

@@ -48,7 +48,8 @@ struct draft {
     struct spool position_spool;
     struct spool record_spool;
     uint32_t *faces;      /* 3 a face */
-    uint32_t *neighbours; /* 3 a face, NO_INDEX at a border; NULL before adjacency_build */
+    uint32_t *neighbours; /* 3 a face, NO_INDEX at a border; NULL before adjacency_build, which may
+                             find the spool as it wants it */
     uint8_t *mates;       /* bits 2k, 2k+1: the neighbour's edge; NULL before adjacency_build */
     struct spool seam_spool;
     const struct seam *seams; /* by key: what neighbours and mates lack; NULL: nothing */
@@ -97,16 +98,16 @@ enum status draft_number_first(struct draft *draft, uint64_t id_count, bool jump
 /*
  * The first numbering, of faces as they come, which saves two looks at all of them: number_begin
  * when all vertices that faces will name are known (`expects_order`: the faces may get another
- * order afterwards); number_take for faces, whose numbers are appended to `to`, *dropped of them
- * left out; number_finish when what was appended are the draft's faces. *taken is false, and
- * nothing done, when the walk jumps about too much, or seems to be in vain (draft_number_first). If
- * other faces have joined the number_count(...) that were taken, number_take_back makes ids of
- * their numbers again, and draft_number is due. Both end the numbering, as number_drop does, which
- * is safe at any time.
+ * order afterwards; `expected_faces` of them, 0: not known); number_take for faces, whose numbers
+ * are appended to `to`, *dropped of them left out; number_finish when what was appended are the
+ * draft's faces. *taken is false, and nothing done, when the walk jumps about too much, or seems to
+ * be in vain (draft_number_first). If other faces have joined the number_count(...) that were
+ * taken, number_take_back makes ids of their numbers again, and draft_number is due. Both end the
+ * numbering, as number_drop does, which is safe at any time.
  */
 struct numbering;
 enum status number_begin(struct draft *draft, uint64_t id_count, bool expects_order,
-                         struct numbering **out) MUST_CHECK;
+                         uint64_t expected_faces, struct numbering **out) MUST_CHECK;
 enum status number_take(struct numbering *numbering, const uint32_t *faces, size_t count,
                         struct spool *to, size_t *dropped, bool *taken) MUST_CHECK;
 enum status number_finish(struct numbering **numbering, uint64_t base_count) MUST_CHECK;

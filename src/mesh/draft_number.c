@@ -260,6 +260,7 @@ void number_drop(struct numbering **numbering)
     *numbering = NULL;
     if (!n)
         return;
+    prefault_end(&n->prefault);
     visits_end(&n->visits);
     spool_clear(&n->number_spool);
     spool_clear(&n->id_spool);
@@ -324,8 +325,28 @@ enum status draft_number_first(struct draft *draft, uint64_t id_count, bool jump
 
 /* ---- faces as they come ---- */
 
+/* A thread gets the pages of the tables, and of the neighbours that the matching will find, while
+ * the one that numbers is what the others wait for: where memory is no question. */
+static enum status get_pages(struct numbering *n, uint64_t expected_faces)
+{
+    struct draft *draft = n->draft;
+    const uint64_t size = expected_faces * 3 * sizeof(uint32_t);
+    uint32_t *neighbours;
+    if (draft->ctx->threads < 2 || expected_faces == 0 || !room_fits(&draft->room, 4 * size))
+        return STATUS_OK;
+    enum status status = room_scratch(&draft->room, &draft->neighbour_spool, size, &neighbours);
+    if (status != STATUS_OK)
+        return status;
+    prefault_add(&n->prefault, n->number_of, (size_t)n->id_count * 4);
+    if (n->id_spool.memory)
+        prefault_add(&n->prefault, n->id_spool.memory, n->id_spool.capacity);
+    prefault_add(&n->prefault, neighbours, (size_t)size);
+    prefault_begin(draft->ctx, &n->prefault);
+    return STATUS_OK;
+}
+
 enum status number_begin(struct draft *draft, uint64_t id_count, bool expects_order,
-                         struct numbering **out)
+                         uint64_t expected_faces, struct numbering **out)
 {
     struct numbering *n;
     enum status status = open_numbering(draft, id_count, expects_order, &n);
@@ -335,6 +356,8 @@ enum status number_begin(struct draft *draft, uint64_t id_count, bool expects_or
         status = spool_reserve(&n->id_spool, id_count * 4);
     if (status == STATUS_OK)
         status = begin_visits(n);
+    if (status == STATUS_OK && !n->visits.seen)
+        status = get_pages(n, expected_faces);
     *out = n;
     return status;
 }
@@ -466,6 +489,7 @@ enum status number_take(struct numbering *n, const uint32_t *faces, size_t count
 enum status number_finish(struct numbering **numbering, uint64_t base_count)
 {
     struct numbering *n = *numbering;
+    prefault_end(&n->prefault);
     visits_end(&n->visits);
     spool_clear(&n->number_spool);
     enum status status = finish(n, base_count, NULL, NULL);
@@ -486,6 +510,7 @@ bool number_has_jumped(const struct numbering *numbering)
 enum status number_take_back(struct numbering **numbering)
 {
     struct numbering *n = *numbering;
+    prefault_end(&n->prefault);
     visits_end(&n->visits);
     spool_clear(&n->number_spool);
     enum status status = take_back(n);

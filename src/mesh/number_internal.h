@@ -5,6 +5,7 @@
 #define SPBM_MESH_NUMBER_INTERNAL_H
 
 #include "base/bucket_file.h"
+#include "base/prefault.h"
 #include "mesh/draft.h"
 
 enum { NUMBER_ID_BATCH = 4096 };
@@ -24,8 +25,9 @@ struct numbering {
     uint64_t kept, read;  /* faces */
     struct visits visits; /* of number_of */
     uint64_t most_visits;
-    bool expects_order; /* faces are as the input has them, and may get another order */
-    bool is_futile;     /* likely so, and it can be made of ids as well */
+    bool expects_order;       /* faces are as the input has them, and may get another order */
+    bool is_futile;           /* likely so, and it can be made of ids as well */
+    struct prefault prefault; /* of what the numbering will fill, and the matching after it */
 
     /* by buckets */
     unsigned part_shift;

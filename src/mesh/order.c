@@ -276,7 +276,7 @@ static enum status move_and_number(struct ordering *o)
     spool_init(draft->ctx, &m.moved, draft->room.beside, room_spool_limit(&draft->room, 2));
     enum status status = sorter_finish(o->sorter);
     if (status == STATUS_OK)
-        status = number_begin(draft, vertices, false, &m.numbering);
+        status = number_begin(draft, vertices, false, 0, &m.numbering);
     if (status == STATUS_OK)
         status = move_pieces(o, &m);
     sorter_close(&o->sorter);

@@ -455,7 +455,7 @@ static enum status number_sorted(struct far_order *o)
     const void *faces;
     size_t count = 1;
     spool_init(draft->ctx, &to, draft->room.beside, 0);
-    enum status status = number_begin(draft, draft->vertex_count, false, &numbering);
+    enum status status = number_begin(draft, draft->vertex_count, false, 0, &numbering);
     while (status == STATUS_OK) {
         status = sorter_next(o->sorter, &faces, &count);
         if (status != STATUS_OK || count == 0)

@@ -113,8 +113,10 @@ static enum status take_triangles(void *user, struct ingest *ingest, size_t coun
     enum status status = STATUS_OK;
     size_t dropped = 0;
     if (!build->numbering) {
+        const uint64_t expected = ingest->inputs[0].expected_faces;
         build->numbered_ids = ingest->vertex_count;
-        status = number_begin(&build->draft, ingest->vertex_count, true, &build->numbering);
+        status =
+            number_begin(&build->draft, ingest->vertex_count, true, expected, &build->numbering);
     }
     *taken = ingest->vertex_count == build->numbered_ids;
     if (status == STATUS_OK && *taken)
@@ -232,6 +234,7 @@ static enum status order_and_match(struct build *build, struct adjacency *adjace
         adjacency_clear(adjacency);
         draft_forget_adjacency(draft);
     }
+    draft_forget_adjacency(draft); /* of whatever has been made ready */
     build->info.cleaning.hilbert_ordered = 1;
     enum status status = order_along_curve(draft, &build->frame);
     if (status == STATUS_OK)
