@@ -39,6 +39,7 @@ size_t chain_info_encode(const struct chain_info *info, unsigned char *to);
 /* Trusts nothing; NULL, or what is wrong. */
 const char *chain_info_decode(const unsigned char *from, size_t size, struct chain_info *info);
 
+bool chain_file_has(struct chain_file *file, uint32_t kind);
 /* A section of the trunk, unpacked; *raw is NULL when there is none, else it is released with
  * memory_release(*ctx, &raw, *size, 1). */
 enum status chain_file_trunk_bytes(struct chain_file *file, uint32_t kind, const char *what,

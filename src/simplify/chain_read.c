@@ -173,6 +173,11 @@ static enum status read_part(struct chain_file *file, const char *what, uint64_t
     return status;
 }
 
+bool chain_file_has(struct chain_file *file, uint32_t kind)
+{
+    return section_find(&file->reader, kind) != NULL;
+}
+
 enum status chain_file_trunk_bytes(struct chain_file *file, uint32_t kind, const char *what,
                                    struct context **ctx, unsigned char **raw, size_t *size)
 {

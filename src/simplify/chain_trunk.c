@@ -342,6 +342,7 @@ enum status chain_trunk_read(struct chain_file *file, bool is_lower, struct trun
     if (status != STATUS_OK)
         chain_trunk_clear(ctx, stride, trunk);
     trunk->is_lower = is_lower;
+    trunk->has_lower = chain_file_has(file, CHAIN_SECTION_LOWER);
     return status;
 }
 

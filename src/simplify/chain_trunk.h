@@ -11,8 +11,9 @@
 #include "simplify/collapse.h"
 
 struct trunk {
-    bool is_lower; /* which of the two its state is */
-    bool subset;   /* for `--place subset` */
+    bool is_lower;  /* which of the two its state is */
+    bool has_lower; /* read from a file that has the lower one */
+    bool subset;    /* for `--place subset` */
     uint32_t effort;
     uint64_t finest;      /* faces of the first milestone (lod_target.h) */
     uint64_t small_faces; /* that the blocks' meshes had together */

@@ -209,12 +209,19 @@ static struct collapse_options trunk_options(const struct levels *levels)
     return options;
 }
 
+/* Whether the trunk's states are to be kept: a lower one that the file has stays. */
+static bool is_to_be_kept(const struct levels *levels, bool is_lower)
+{
+    return levels->root->chains && levels->milestones->count > 0 &&
+           !(is_lower && levels->root->trunk->has_lower);
+}
+
 /* Makes *collapse, which is ended, the trunk's kept state; its section, where it is to be kept. */
 static enum status take_state(struct levels *levels, struct collapse **collapse, bool is_lower)
 {
     struct trunk *kept = levels->root->trunk;
     enum status status = collapse_save(collapse, &kept->state);
-    if (status != STATUS_OK || !levels->root->chains || levels->milestones->count == 0)
+    if (status != STATUS_OK || !is_to_be_kept(levels, is_lower))
         return status;
     kept->is_lower = is_lower;
     kept->subset = levels->root->collapse.subset;
@@ -288,7 +295,7 @@ static enum status take_lower_state(struct levels *levels, uint32_t index)
     const bool is_needed = index < count && !begins_lower(levels, &report->levels[index]);
     struct collapse *copy = NULL;
     enum status status = STATUS_OK;
-    if (!is_wanted && !levels->root->chains)
+    if (!is_wanted && !is_to_be_kept(levels, true))
         return STATUS_OK;
     if (is_needed)
         status = collapse_copy(levels->trunk, &copy);

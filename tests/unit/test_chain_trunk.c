@@ -141,6 +141,55 @@ static void levels_are_the_same(void **unused)
     }
 }
 
+static void make_keeping(const char *path, const struct target *target)
+{
+    struct context ctx;
+    struct lod_report report;
+    const struct lod_options lod = {
+        .target = *target, .output = test_path("later-%d.ply"), .keeps_trunk = true};
+    context_init(&ctx);
+    must(lod_build(&ctx, path, &lod, &report));
+    assert_int_equal(ctx.memory_now, 0);
+    context_clear(&ctx);
+}
+
+/* A level at which the trunk does not come so far keeps the upper state alone; another one adds the
+ * lower one, and a third nothing. Of another effort both are others. */
+static void the_lower_state_may_come_later(void **unused)
+{
+    (void)unused;
+    char path[256];
+    const struct target finest = {.count = 1, .values = {600}, .effort = 2};
+    const struct target coarse = {.count = 1, .values = {150}, .effort = 2};
+    const struct target other = {.count = 1, .values = {150}, .effort = 1};
+    struct trunk trunk;
+    struct context ctx;
+    size_t size;
+    snprintf(path, sizeof path, "%s", test_path("later.chains"));
+    unsigned char *bytes = file_read(plain, &size);
+    file_write(path, bytes, size);
+    free(bytes);
+    context_init(&ctx);
+    make_keeping(path, &finest);
+    read_trunk(&ctx, path, true, &trunk);
+    assert_int_equal(trunk.finest, 0);
+    make_keeping(path, &coarse);
+    files_must_be_alike(path, kept);
+    make_keeping(path, &coarse);
+    files_must_be_alike(path, kept);
+    make_keeping(path, &other);
+    must(chain_file_check(&ctx, path));
+    for (int i = 0; i < 2; i++) {
+        read_trunk(&ctx, path, i == 1, &trunk);
+        assert_int_equal(trunk.effort, 1);
+        chain_trunk_clear(&ctx, 0, &trunk);
+    }
+    make_keeping(path, &finest);
+    read_trunk(&ctx, path, true, &trunk);
+    assert_int_equal(trunk.finest, 0);
+    context_clear(&ctx);
+}
+
 /* ---- damage and forgery ---- */
 
 static const uint32_t kinds[2] = {CHAIN_SECTION_TRUNK, CHAIN_SECTION_LOWER};
@@ -321,8 +370,11 @@ static void forged_faces_do_no_harm(void **unused)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_rest_is_as_it_was),       cmocka_unit_test(levels_are_the_same),
-        cmocka_unit_test(every_changed_byte_is_found), cmocka_unit_test(forged_fields_are_told),
+        cmocka_unit_test(the_rest_is_as_it_was),
+        cmocka_unit_test(levels_are_the_same),
+        cmocka_unit_test(the_lower_state_may_come_later),
+        cmocka_unit_test(every_changed_byte_is_found),
+        cmocka_unit_test(forged_fields_are_told),
         cmocka_unit_test(forged_faces_do_no_harm),
     };
     return cmocka_run_group_tests(tests, set_up, NULL);
