@@ -263,6 +263,13 @@ static inline float4 sum_round(const struct slab_local *local, const float *from
            link_normal(from, face[1]) + link_normal(from, face[3]);
 }
 
+/* A normal, and the area of another. (A shuffle of both is eight instructions with gcc 12.) */
+static inline float4 with_area(float4 normal, float4 other)
+{
+    const int4 is_normal = {-1, -1, -1, 0};
+    return float4_choose(is_normal, normal, other);
+}
+
 /* Four faces from f on, whose roots and divisions are made together; where normals cancel out, the
  * face keeps its own. */
 static inline void smooth_four(const struct slab_local *local, const float *from, size_t f,
@@ -282,11 +289,11 @@ static inline void smooth_four(const struct slab_local *local, const float *from
     const unsigned cancel_out = float4_bits((float4)(length2 < 1e-6f));
     for (unsigned i = 0; i < 4; i++) {
         const float4 own = float4_load(from + NORMAL_STRIDE * (f + i));
-        const float4 result = sums[i] * inverse[i];
-        float4_store(to + NORMAL_STRIDE * (f + i),
-                     cancel_out >> i & 1 ? own : __builtin_shufflevector(result, own, 0, 1, 2, 7));
+        const float4 result = with_area(sums[i] * inverse[i], own);
+        float4_store(to + NORMAL_STRIDE * (f + i), cancel_out >> i & 1 ? own : result);
     }
 }
+
 static void smooth_once(const struct slab_local *local, const float *from, float *to)
 {
     size_t f = 0;
@@ -295,12 +302,10 @@ static void smooth_once(const struct slab_local *local, const float *from, float
     for (; f < local->face_count; f++) {
         const float4 own = float4_load(from + NORMAL_STRIDE * f), sum = sum_round(local, from, f);
         const float length2 = float4_sum3(sum * sum);
-        const float4 result = sum * (1 / sqrtf(length2));
-        float4_store(to + NORMAL_STRIDE * f,
-                     length2 < 1e-6f ? own : __builtin_shufflevector(result, own, 0, 1, 2, 7));
+        const float4 result = with_area(sum * (1 / sqrtf(length2)), own);
+        float4_store(to + NORMAL_STRIDE * f, length2 < 1e-6f ? own : result);
     }
 }
-
 double face_normals_fill(enum cpu_level level, const struct slab_local *local, uint32_t smoothings,
                          float **normals, float **spare)
 {

@@ -137,8 +137,8 @@ static inline int4 are_inside(uint4 numbers, struct range range)
 /* Writes a face's eight numbers; its vertices come as the store has them. */
 static inline void put_face(uint4 vertices, uint4 links, uint32_t *to)
 {
-    const uint4 none = {0};
-    const uint4 opposite = __builtin_shufflevector(vertices, none, 2, 0, 1, 4);
+    const uint4 three = {UINT32_MAX, UINT32_MAX, UINT32_MAX, 0};
+    const uint4 opposite = __builtin_shufflevector(vertices, vertices, 2, 0, 1, 3) & three;
     const uint4 between = __builtin_shufflevector(links, links, 1, 2, 0, 1);
     const uint4 low = __builtin_shufflevector(opposite, between, 0, 4, 1, 5);
     const uint4 high = __builtin_shufflevector(opposite, between, 2, 6, 3, 7);
@@ -157,7 +157,8 @@ static size_t fill_plain_faces(const struct slab *slab, const struct slab_local 
     const uint32_t *corners = slab->faces, *neighbours = slab->neighbours;
     const uint8_t *mates = slab->mates;
     uint32_t *to = local->faces;
-    for (; f + 1 < slab->face_count; f++) {
+    const size_t last = slab->face_count - 1;
+    for (; f < last; f++) {
         const uint4 vertices = load_four(corners + 3 * f) - own.first;
         const uint4 faces = load_four(neighbours + 3 * f) - inside.first;
         const int4 is_plain = are_inside(vertices, own) & are_inside(faces, inside);

@@ -10,9 +10,15 @@
 
 enum { UNIT_STEPS = 32767 };
 
+/* 1 or -1, without a branch, which would be a coin's toss. */
+static double sign_of(double value)
+{
+    return 1 - 2 * (value < 0);
+}
+
 static int round_steps(double value)
 {
-    return (int)(value * UNIT_STEPS + (value < 0 ? -0.5 : 0.5));
+    return (int)(value * UNIT_STEPS + 0.5 * sign_of(value));
 }
 
 /* On the rim of the square, which is where the lower half was cut open, (a, rim) and (-a, rim) are
@@ -32,8 +38,8 @@ uint32_t unit_encode(const double vector[3])
         return 0;
     double u = vector[0] / sum, v = vector[1] / sum;
     if (vector[2] < 0) {
-        double folded = (1 - fabs(v)) * (u < 0 ? -1 : 1);
-        v = (1 - fabs(u)) * (v < 0 ? -1 : 1);
+        double folded = (1 - fabs(v)) * sign_of(u);
+        v = (1 - fabs(u)) * sign_of(v);
         u = folded;
     }
     int a = round_steps(u), b = round_steps(v);
@@ -51,8 +57,8 @@ int unit_decode(uint32_t code, float unit[3])
     double u = (double)a / UNIT_STEPS, v = (double)b / UNIT_STEPS;
     double x = u, y = v, z = 1 - fabs(u) - fabs(v);
     if (z < 0) {
-        x = (1 - fabs(v)) * (u < 0 ? -1 : 1);
-        y = (1 - fabs(u)) * (v < 0 ? -1 : 1);
+        x = (1 - fabs(v)) * sign_of(u);
+        y = (1 - fabs(u)) * sign_of(v);
     }
     double length = sqrt(x * x + y * y + z * z);
     unit[0] = (float)(x / length + 0.0); /* no negative zeros */
