@@ -27,7 +27,7 @@ struct room {
  */
 enum {
     ROOM_FIXED = 4 << 20, /* buffers of streams and spools, windows of sweeps */
-    ROOM_A_FACE = 144,    /* a slab at work: mapped, matched or surveyed at its worst */
+    ROOM_A_FACE = 160,    /* a slab at work: mapped, matched or surveyed at its worst */
     ROOM_FACES_A_BYTE = 16
 };
 uint64_t room_least(unsigned slab_shift, uint64_t faces, uint32_t stride);
